@@ -1,0 +1,44 @@
+# On a fresh machine with Python 3.11+ and make, `make run` installs everything and trains.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/installed
+
+.DEFAULT_GOAL := help
+.PHONY: help install run test bench lint format clean
+
+help:  ## list these targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' Makefile
+
+install: $(STAMP)  ## everything into .venv, at the versions of constraints.txt (PYTHON=… picks the interpreter)
+
+run: install  ## train 22 runs with λ = 0.2
+	$(BIN)/python -m fnnq_torchrl.train lam=0.2 num_seeds=22
+
+test: install  ## the test suite
+	$(BIN)/python -m pytest -q
+
+bench: install  ## measure the figures of the README
+	$(BIN)/python benchmarks/command.py
+
+lint: install  ## ruff and mypy
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+format: install  ## rewrite the code as ruff would have it
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+clean:  ## remove .venv and caches, never outputs/
+	rm -rf $(VENV) .hypothesis .mypy_cache .pytest_cache .ruff_cache
+
+# The pins hold for build backends too: from pip 25.3 on they have a variable of their own.
+$(STAMP): export PIP_CONSTRAINT := constraints.txt
+$(STAMP): export PIP_BUILD_CONSTRAINT := constraints.txt
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed and $(PYTHON) is %d.%d: make PYTHON=/path/to/python3.11" % sys.version_info[:2])'
+	@echo "Installing into $(VENV): some minutes the first time, torch is large"
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install -qq -e '.[dev]'
+	@touch $@

@@ -1,0 +1,34 @@
+"""How a learning situation ends."""
+
+import torch
+from torch import Tensor
+
+
+def judge(
+    east_m: Tensor,
+    north_m: Tensor,
+    step: Tensor,
+    *,
+    catch_distance_m: float,
+    time_limit_steps: int,
+    catch_reward: float,
+    miss_reward: float,
+) -> tuple[Tensor, Tensor]:
+    """The reward of a step and whether it ended the situation: a catch, or the time limit.
+
+    Both are ends of the task itself (the miss is punished), so neither is a truncation.
+
+    Args:
+        east_m, north_m: from the robot to the ball after the step, any shape.
+        step: steps of this situation so far, this one included, int64, same shape.
+        catch_distance_m: nearer than this is a catch.
+        time_limit_steps: the last step of a situation.
+        catch_reward, miss_reward: what the two ends pay; every other step pays 0.
+
+    Returns:
+        The reward, and whether the situation has terminated (bool), both of that shape.
+    """
+    caught = east_m.square() + north_m.square() < catch_distance_m**2
+    terminated = caught | (step >= time_limit_steps)
+    reward = torch.zeros_like(east_m).masked_fill(terminated, miss_reward)
+    return reward.masked_fill(caught, catch_reward), terminated

@@ -1,0 +1,158 @@
+"""Ranges: what a field of a dataclass of parameters may hold, said once, beside the field.
+
+A field is declared without a default, since defaults live in the YAML files alone::
+
+    speed_mps: float = number(above=0)
+
+`check` refuses an instance with a value outside its range; `allowed` says every range in words.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, fields
+from math import inf
+from typing import Any, get_type_hints
+
+
+class ConfigError(ValueError):
+    """A mistake of the user's; its text is one line that says what to change."""
+
+
+class OutOfRange(ConfigError):
+    """A value that its key doesn't allow.
+
+    Args:
+        key: the key with its groups, as in ``env.speed_mps``.
+        value: what was given.
+        allowed: what may stand there, in words that complete "must be".
+    """
+
+    def __init__(self, key: str, value: object, allowed: str) -> None:
+        super().__init__(key, value, allowed)  # all three: that is what unpickling passes
+        self.key, self.value, self.allowed = key, value, allowed
+
+    def __str__(self) -> str:
+        return f"{self.key}={self.value}: must be {self.allowed}"
+
+
+class Parameters:
+    """Base of the dataclasses whose fields are declared with their ranges."""
+
+    def contradictions(self) -> Iterator[OutOfRange]:
+        """The values that are fine alone but not together, for `check` to raise."""
+        yield from ()
+
+
+@dataclass(frozen=True)
+class Range:
+    """A set of values: the test for membership, and the same in words."""
+
+    holds: Callable[[Any], bool]
+    words: str
+
+
+def number(low: float = -inf, high: float = inf, *, above: float = -inf) -> Any:
+    """A finite number in [low, high] or, with `above`, in (above, high]."""
+    left = f"[{low:g}" if low > above else f"({above:g}"
+    right = f"{high:g}]" if high < inf else "inf)"
+    return _declare(
+        lambda value: _is_finite(value) and low <= value <= high and above < value,
+        f"a number in {left}, {right}",
+    )
+
+
+def whole(low: int) -> Any:
+    """A whole number, at least `low`."""
+    return _declare(lambda value: _is_whole(value) and value >= low, f"a whole number >= {low}")
+
+
+def one_of(*choices: str) -> Any:
+    """One of at least two words."""
+    *others, last = choices
+    return _declare(lambda value: value in choices, f"{', '.join(others)} or {last}")
+
+
+def matching(pattern: str, words: str) -> Any:
+    """A text that the regular expression matches from end to end; `words` tell the user which."""
+    return _declare(
+        lambda value: isinstance(value, str) and re.fullmatch(pattern, value) is not None, words
+    )
+
+
+def pairs(first: str, second: str, *, above: float = -inf) -> Any:
+    """A list of pairs of finite numbers, at least one, the second number of each > `above`."""
+
+    def is_pair(value: Any) -> bool:
+        return isinstance(value, list) and len(value) == 2 and all(map(_is_finite, value))
+
+    def holds(value: Any) -> bool:
+        return (
+            isinstance(value, list)
+            and len(value) >= 1
+            and all(is_pair(pair) and pair[1] > above for pair in value)
+        )
+
+    bound = f" with {second} > {above:g}" if above > -inf else ""
+    return _declare(holds, f"a list of at least one pair [{first}, {second}]{bound}")
+
+
+def check(parameters: Parameters, prefix: str = "") -> None:
+    """Refuses parameters with a value outside its range, nested dataclasses included.
+
+    Args:
+        parameters: an instance of a dataclass whose fields carry ranges. The range of a mapping
+            is the range of each of its values.
+        prefix: what the keys begin with, ``env.`` for the fields of a nested ``env``.
+
+    Raises:
+        OutOfRange: for the first such value.
+    """
+    for item in fields(parameters):  # type: ignore[arg-type]  # every subclass is a dataclass
+        key, value = prefix + item.name, getattr(parameters, item.name)
+        if isinstance(value, Parameters):
+            check(value, f"{key}.")
+            continue
+        entries = value if isinstance(value, dict) else {None: value}
+        for entry, held in entries.items():
+            if not item.metadata[_RANGE].holds(held):
+                name = key if entry is None else f"{key}.{entry}"
+                raise OutOfRange(name, held, item.metadata[_RANGE].words)
+    for found in parameters.contradictions():
+        raise OutOfRange(prefix + found.key, found.value, found.allowed)
+
+
+def allowed(schema: type[Parameters], prefix: str = "") -> dict[str, str]:
+    """What each key may hold, in words that complete "must be".
+
+    Args:
+        schema: a dataclass whose fields carry ranges.
+        prefix: what the keys begin with.
+
+    Returns:
+        The words by key, nested keys with their groups: ``{"env.speed_mps": "a number in …"}``.
+    """
+    words: dict[str, str] = {}
+    kinds = get_type_hints(schema)
+    for item in fields(schema):  # type: ignore[arg-type]  # every subclass is a dataclass
+        key, kind = prefix + item.name, kinds[item.name]
+        if isinstance(kind, type) and issubclass(kind, Parameters):
+            words |= allowed(kind, f"{key}.")
+        else:
+            words[key] = item.metadata[_RANGE].words
+    return words
+
+
+_RANGE = "range"  # the key of a field's Range in its metadata
+
+
+def _declare(holds: Callable[[Any], bool], words: str) -> Any:
+    # Any, as in dataclasses' own stubs: the result stands where a value of the field's type goes.
+    return field(metadata={_RANGE: Range(holds, words)})
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_finite(value: Any) -> bool:
+    return (isinstance(value, float) or _is_whole(value)) and -inf < value < inf

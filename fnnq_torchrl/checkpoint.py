@@ -1,0 +1,112 @@
+"""The learned weights on disk: plain tensors and plain values, which can run no code."""
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from fnnq_torchrl.atomic import atomic_write
+
+FORMAT = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """What checkpoint.pt holds, on the CPU.
+
+    Raises:
+        ValueError: on creation, if a shape or dtype is not as stated below.
+    """
+
+    weights: dict[str, Tensor]  # each [runs, ...] and contiguous
+    seed: Tensor  # [runs], int64
+    lam: Tensor  # [runs], float64
+    config: dict[str, Any]  # plain values: what a JSON file could hold
+
+    def __post_init__(self) -> None:
+        runs = self.seed.shape
+        if len(runs) != 1 or self.lam.shape != runs:
+            raise ValueError(
+                "seed and lam must both be [runs], "
+                f"got {list(self.seed.shape)} and {list(self.lam.shape)}"
+            )
+        if self.seed.dtype != torch.int64 or self.lam.dtype != torch.float64:
+            raise ValueError(
+                f"seed must be int64 and lam float64, got {self.seed.dtype} and {self.lam.dtype}"
+            )
+        for name, weight in self.weights.items():
+            if weight.shape[:1] != runs:
+                raise ValueError(
+                    f"weights {name!r} must be [{runs[0]} runs, ...], got {list(weight.shape)}"
+                )
+
+
+def save_checkpoint(
+    path: Path,
+    weights: TensorDictBase | Mapping[str, Tensor],
+    seed: ArrayLike,
+    lam: ArrayLike,
+    config: dict[str, Any],
+) -> None:
+    """Write a checkpoint.
+
+    Args:
+        path: the file to write, atomically.
+        weights: tensors ``[runs, ...]`` by name, of any layout and on any device; a nested
+            TensorDict's names are joined by dots.
+        seed: of each run, ``[runs]``.
+        lam: of each run, ``[runs]``.
+        config: the resolved configuration, as plain values.
+
+    Raises:
+        ValueError: a tensor has not the runs as its first dimension.
+        TypeError: ``config`` holds something else than plain values.
+    """
+    if isinstance(weights, TensorDictBase):
+        weights = weights.flatten_keys(".").to_dict()
+    checkpoint = Checkpoint(
+        weights={name: _own_copy(weight) for name, weight in weights.items()},
+        seed=torch.from_numpy(np.array(seed, dtype=np.int64)),
+        lam=torch.from_numpy(np.array(lam, dtype=np.float64)),
+        # Fails here and now on a value that could be written but, being no plain one, not loaded.
+        config=json.loads(json.dumps(config)),
+    )
+    with atomic_write(path) as file:
+        torch.save({"format": FORMAT, **vars(checkpoint)}, file)
+
+
+def _own_copy(tensor: Tensor) -> Tensor:
+    """Copy to contiguous memory on the CPU: a mere view would be saved with all that it views."""
+    return tensor.detach().to("cpu").clone(memory_format=torch.contiguous_format)
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """Read a checkpoint back, onto the CPU.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is not a checkpoint, not a whole one, or of another format. One line.
+    """
+    data = path.read_bytes()
+    try:
+        content = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+    # Bytes from anywhere make torch's reader raise nearly anything: EOFError, KeyError, ...
+    except Exception as error:
+        raise ValueError(f"{path} is not a checkpoint, or a damaged one") from error
+    if not isinstance(content, dict) or "format" not in content:
+        raise ValueError(f"{path} is not a checkpoint of fnnq_torchrl")
+    version = content.pop("format")
+    if not isinstance(version, int) or version != FORMAT:
+        raise ValueError(f"{path} has checkpoint format {version}, and this program reads {FORMAT}")
+    try:
+        return Checkpoint(**content)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is not a complete checkpoint: {error}") from error

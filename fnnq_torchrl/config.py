@@ -1,0 +1,196 @@
+"""The configuration of a job: a typed and range-checked schema without values.
+
+``conf/`` holds every value, with its unit and its source. Nothing here imports torch or Hydra, so
+that a mistake is told before anything heavy is loaded.
+"""
+
+import difflib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, cast
+
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import (
+    ConfigAttributeError,
+    ConfigKeyError,
+    MissingMandatoryValue,
+    OmegaConfBaseException,
+    ValidationError,
+)
+
+from envs.ranges import (
+    ConfigError,
+    OutOfRange,
+    Parameters,
+    allowed,
+    check,
+    matching,
+    number,
+    one_of,
+    pairs,
+    whole,
+)
+from envs.world import OBSERVATIONS, World
+
+__all__ = [
+    "PER_RUN",
+    "Config",
+    "ConfigError",
+    "EvaluationConfig",
+    "FNNQConfig",
+    "OutOfRange",
+    "UnknownKey",
+    "per_run",
+    "refusal",
+    "to_config",
+]
+
+PER_RUN = ("seed", "lam", "alpha", "alpha_decay", "gamma", "epsilon")
+"""The keys whose values may differ from run to run within one batch; all others are shared."""
+
+
+@dataclass
+class FNNQConfig(Parameters):
+    """The fuzzy rule base: the Gaussian labels [centre, width] of every input and of the action."""
+
+    inputs: dict[str, list[Any]] = pairs("centre", "width", above=0)
+    action: list[Any] = pairs("centre", "width", above=0)
+    width: str = one_of("sigma", "variance")
+
+    def contradictions(self) -> Iterator[OutOfRange]:
+        """Inputs that the world doesn't offer, or none at all."""
+        names = ", ".join(OBSERVATIONS)
+        if not self.inputs:
+            yield OutOfRange("inputs", self.inputs, f"labels for at least one of: {names}")
+        for name, labels in self.inputs.items():
+            if name not in OBSERVATIONS:
+                yield OutOfRange(f"inputs.{name}", labels, f"under the name of one of: {names}")
+
+
+@dataclass
+class EvaluationConfig(Parameters):
+    """When the runs are tested, and on which starts of the ball [angle, speed]."""
+
+    every: int = whole(1)
+    situations: list[Any] = pairs("angle", "speed")
+
+
+@dataclass(kw_only=True)
+class Config(Parameters):
+    """One job: a batch of runs that learn side by side. Checked when it is made."""
+
+    lam: float = number(0, 1)
+    seed: int = whole(0)
+    num_seeds: int = whole(1)
+    alpha: float = number(0)
+    alpha_decay: float = number(above=0, high=1)
+    gamma: float = number(0, 1)
+    epsilon: float = number(0, 1)
+    trace: str = one_of("output", "gradient")
+    situations: int = whole(1)
+    candidates: int = whole(2)
+    device: str = matching(r"cpu|cuda(:[0-9]+)?", "cpu, cuda or cuda:N")
+    dtype: str = one_of("float32", "float64")
+
+    env: World
+    value: FNNQConfig
+    evaluation: EvaluationConfig
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def contradictions(self) -> Iterator[OutOfRange]:
+        """A last evaluation before the end of learning; seeds that leave the 63 bits."""
+        every = self.evaluation.every
+        if self.situations % every:
+            multiple = f"a whole multiple of evaluation.every={every}"
+            yield OutOfRange("situations", self.situations, multiple)
+        if self.seed + self.num_seeds > 2**63:
+            highest = f"at most {2**63 - self.num_seeds}, for the last seed to fit 63 bits"
+            yield OutOfRange("seed", self.seed, highest)
+
+
+def per_run(config: Config) -> dict[str, list[float]]:
+    """The columns of the values that may differ from run to run.
+
+    Returns:
+        By each key of `PER_RUN`, a list of length ``num_seeds``: the seeds ``seed … seed +
+        num_seeds − 1`` as integers, and each other value repeated.
+    """
+    runs = range(config.num_seeds)
+    columns: dict[str, list[float]] = {key: [getattr(config, key) for _ in runs] for key in PER_RUN}
+    return columns | {"seed": [config.seed + run for run in runs]}
+
+
+class UnknownKey(ConfigError):
+    """A key that the configuration doesn't have.
+
+    Args:
+        key: the key with its groups.
+        value: what was given, if that is known.
+    """
+
+    def __init__(self, key: str, value: object) -> None:
+        super().__init__(key, value)
+        self.key, self.value = key, value
+
+    def __str__(self) -> str:
+        given = self.key if self.value is None else f"{self.key}={self.value}"
+        return f"{given}: there is no {self.key}; {_advice(self.key)}"
+
+
+def to_config(node: DictConfig) -> Config:
+    """The valid `Config` of composed values.
+
+    Args:
+        node: a mapping with all the keys, typed or plain: a saved ``.hydra/config.yaml`` will do.
+
+    Raises:
+        ConfigError: a key is missing or unknown, or its value isn't allowed.
+    """
+    # As a plain mapping, so that the schema refuses what Hydra lets in by `+key=value`.
+    plain = OmegaConf.to_container(node)
+    try:
+        return cast(Config, OmegaConf.to_object(OmegaConf.merge(Config, plain)))
+    except OmegaConfBaseException as error:
+        value = OmegaConf.select(node, error.full_key or "", throw_on_resolution_failure=False)
+        raise refusal(error, value) from error
+
+
+def refusal(error: OmegaConfBaseException, given: object) -> ConfigError:
+    """What OmegaConf refuses, in one line that says what is allowed.
+
+    Args:
+        error: OmegaConf's own, which takes several lines and doesn't say.
+        given: what the user gave for the key, for the errors that don't hold it.
+    """
+    key = error.full_key or ""
+    if isinstance(error, ConfigKeyError | ConfigAttributeError):
+        return UnknownKey(key, given)
+    # What stands in a mapping has no range of its own but the mapping's.
+    words = allowed(Config).get(key) or allowed(Config).get(_group(key))
+    if isinstance(error, MissingMandatoryValue) and words:
+        return OutOfRange(key, "???", words)
+    if isinstance(error, ValidationError) and words:
+        return OutOfRange(key, given if error.value is None else error.value, words)
+    return ConfigError(f"{key}: {str(error).splitlines()[0]}")
+
+
+def _advice(unknown: str) -> str:
+    """Points to the key of the same name elsewhere, or to the nearest spelling beside it."""
+    keys = list(allowed(Config))
+    keys += dict.fromkeys(_group(key) for key in keys if _group(key))
+    beside = {_name(key): key for key in keys if _group(key) == _group(unknown)}
+    same = [key for key in keys if _name(key) == _name(unknown)]
+    near = difflib.get_close_matches(_name(unknown), beside, n=1)
+    if meant := same or [beside[name] for name in near]:
+        return f"did you mean {' or '.join(meant)}?"
+    return f"there is {', '.join(beside.values()) or _group(unknown)}"
+
+
+def _group(key: str) -> str:
+    return key.rpartition(".")[0]
+
+
+def _name(key: str) -> str:
+    return key.rpartition(".")[2]

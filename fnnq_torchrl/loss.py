@@ -1,0 +1,186 @@
+"""Peng's Q(λ) as TorchRL has its losses: a LossModule, and a hook that holds the trace."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from tensordict.utils import NestedKey
+from torch import Tensor, nn
+from torchrl.objectives import LossModule
+
+from fnnq_torchrl import qlambda
+from fnnq_torchrl.layout import per_run, runs_first, runs_last
+from fnnq_torchrl.values import ValueNetwork
+
+Weights = Mapping[str, Tensor]
+
+
+class PengQLambdaLoss(LossModule):
+    """The two errors of Peng's Q(λ), and the loss of one-step Q-learning.
+
+    ``loss`` is ½Σδ′² over the runs. It is a sum, because then the gradient for a run's weights is
+    that run's own: −δ′∇Q(s, a), and plain SGD on it is Q(0). :class:`EligibilityTrace` makes it
+    Q(λ).
+
+    Reads the network's observations, ``action`` and ``action_value`` (Q(s, ·) of the candidates, as
+    the policy wrote it: from the weights before the update, as Table 1 has it), and in ``"next"``
+    the observations, ``reward`` and ``terminated`` (the trace reads ``done``); ``set_keys`` renames
+    what is not an observation.
+
+    Returns a TensorDict of ``loss`` (a scalar), ``td_error`` δ, ``chosen_td_error`` δ′ and
+    ``chosen_action_value`` Q(s, a), each ``[runs, *batch, 1]``.
+
+    Args:
+        value_network: Q(s, a) of any kind.
+        gamma: the discount γ, one number or one per run, ``[runs, 1]``.
+    """
+
+    @dataclass
+    class _AcceptedKeys:
+        action: NestedKey = "action"
+        action_value: NestedKey = "action_value"
+        reward: NestedKey = "reward"
+        done: NestedKey = "done"
+        terminated: NestedKey = "terminated"
+        td_error: NestedKey = "td_error"
+        chosen_td_error: NestedKey = "chosen_td_error"
+        chosen_action_value: NestedKey = "chosen_action_value"
+
+    default_keys = _AcceptedKeys
+    value_network: ValueNetwork
+    gamma: Tensor
+
+    def __init__(self, value_network: ValueNetwork, gamma: Tensor | float) -> None:
+        super().__init__()
+        self.value_network = value_network
+        dtype = value_network.candidates.dtype
+        self.register_buffer("gamma", torch.as_tensor(gamma, dtype=dtype))
+
+    def named_parameters(self, *args: Any, **kwargs: Any) -> Iterator[tuple[str, nn.Parameter]]:
+        # LossModule's takes no ``remove_duplicate``, with which torch.func.functional_call asks.
+        return nn.Module.named_parameters(self, *args, **kwargs)
+
+    def _forward_value_estimator_keys(self, **kwargs: Any) -> None:
+        pass  # the target is one step: there is no value estimator
+
+    @property
+    def in_keys(self) -> list[NestedKey]:
+        keys, observations = self.tensor_keys, self.value_network.in_keys
+        after = [*observations, keys.reward, keys.terminated]
+        return [*observations, keys.action, keys.action_value, *(("next", key) for key in after)]
+
+    @property
+    def out_keys(self) -> list[NestedKey]:
+        keys = self.tensor_keys
+        return ["loss", keys.td_error, keys.chosen_td_error, keys.chosen_action_value]
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+        keys, after = self.tensor_keys, tensordict["next"]
+        values_in = self.value_network.values_in
+        chosen_value = values_in(tensordict, tensordict[keys.action])
+        with torch.no_grad():
+            td_error, chosen_td_error = qlambda.td_errors(
+                after[keys.reward],
+                after[keys.terminated],
+                tensordict[keys.action_value].amax(-1, keepdim=True),
+                chosen_value,
+                values_in(after).amax(-1, keepdim=True),
+                self.gamma.reshape(-1, *[1] * tensordict.ndim),
+            )
+        target = chosen_td_error + chosen_value.detach()
+        return TensorDict(
+            {
+                "loss": 0.5 * (target - chosen_value).square().sum(),
+                keys.td_error: td_error,
+                keys.chosen_td_error: chosen_td_error,
+                keys.chosen_action_value: chosen_value,
+            }
+        )
+
+
+def credit(
+    trace: Weights,
+    gradient: Weights,
+    td_error: Tensor,
+    chosen_td_error: Tensor,
+    decay: Tensor,
+    done: Tensor,
+    reading: str,
+) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+    """:func:`fnnq_torchrl.qlambda.credit` for all the weights of a network.
+
+    Args:
+        trace, gradient: e and ∇Q(s, a) by the weights' names, each ``[runs, *weights]``.
+        td_error, chosen_td_error, decay, done: δ, δ′, γλ and the end, each ``[runs, 1]``.
+        reading: of step h, ``output`` or ``gradient``.
+
+    Returns:
+        Δw and the new trace, by name, each ``[runs, *weights]``.
+    """
+    slopes = {name: runs_last(slope) for name, slope in gradient.items()}
+    scale = qlambda.step_h_scale(slopes.values(), reading)
+    errors = per_run(td_error), per_run(chosen_td_error)
+    directions, traces = {}, {}
+    for name, slope in slopes.items():
+        direction, after = qlambda.credit(
+            runs_last(trace[name]), slope, *errors, per_run(decay), scale, per_run(done)
+        )
+        directions[name], traces[name] = runs_first(direction), runs_first(after)
+    return directions, traces
+
+
+class EligibilityTrace:
+    """The trace of Peng's Q(λ), kept in a network like the one for Q, as a hook on the loss.
+
+    Between the loss and the optimiser it turns the loss into −⟨Δw, w⟩ with Δw = δe + δ′∇Q(s, a),
+    whose gradient is −Δw: plain SGD with the step size α then does Table 1's f and g, and the hook
+    has done e and h. One call per step of the world, in order::
+
+        losses = trace(batch, loss(batch))
+        losses["loss"].backward()
+        optimizer.step()
+
+    or, in TorchRL's Trainer, ``trainer.register_op("process_loss", trace)``.
+
+    Args:
+        loss: whose value network's weights have the runs as their first dimension.
+        lam: λ, one number or one per run, ``[runs, 1]``.
+        reading: of step h, ``output`` or ``gradient`` (:func:`fnnq_torchrl.qlambda.step_h_scale`).
+    """
+
+    def __init__(self, loss: PengQLambdaLoss, lam: Tensor | float, reading: str = "output") -> None:
+        self.loss = loss
+        self.lam = torch.as_tensor(lam, dtype=loss.gamma.dtype)
+        self.reading = reading
+        self.trace = {
+            name: torch.zeros_like(weight) for name, weight in loss.value_network.named_parameters()
+        }
+
+    def __call__(self, batch: TensorDictBase, losses: TensorDictBase) -> TensorDictBase:
+        """The losses with the trace's share in ``loss``; the trace moves on by this step.
+
+        Args:
+            batch: one step of every run, ``[runs]`` or, from a collector, ``[runs, 1]``.
+            losses: what the loss returned for it.
+
+        Raises:
+            ValueError: there is more than one step of a run in the batch.
+        """
+        runs, keys = len(batch), self.loss.tensor_keys
+        if batch.numel() != runs:
+            raise ValueError(f"batch of shape {list(batch.shape)}: must be one step of every run")
+        weights = dict(self.loss.value_network.named_parameters())
+        slopes = torch.autograd.grad(losses[keys.chosen_action_value].sum(), list(weights.values()))
+        directions, self.trace = credit(
+            self.trace,
+            dict(zip(weights, slopes, strict=True)),
+            losses[keys.td_error].view(runs, 1),
+            losses[keys.chosen_td_error].view(runs, 1),
+            self.loss.gamma * self.lam,
+            batch["next", keys.done].view(runs, 1),
+            self.reading,
+        )
+        losses["loss"] = -sum((directions[name] * w).sum() for name, w in weights.items())
+        return losses

@@ -1,0 +1,65 @@
+"""Gaussian membership and normalised firing strengths. The runs are always the last dimension."""
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+
+def log_membership(x: Tensor, centres: Tensor, widths: Tensor) -> Tensor:
+    """Log μ(x) = −(x − c)²/(2σ²), for every label of one input.
+
+    Args:
+        x: the input, ``[..., runs]``.
+        centres: c, ``[labels]``.
+        widths: σ, ``[labels]``.
+
+    Returns:
+        ``[labels, ..., runs]``.
+    """
+    per_label = (-1, *[1] * x.ndim)
+    return -0.5 * ((x - centres.view(per_label)) / widths.view(per_label)).square()
+
+
+def firing_shares(x: Tensor, centres: Tensor, widths: Tensor) -> Tensor:
+    """One input's share in the rules' normalised firing strengths: μᵢ(x) / Σμ(x).
+
+    With every label of every input combined by the product t-norm, the strengths' sum factors, and
+    so do the normalised strengths: σᵢ/Σσ = Πⱼ μᵢⱼ(xⱼ)/Σμ(xⱼ) (paper, eq. 7, 8). A softmax of the
+    logarithms, so far from every centre it is the nearest label's and never 0/0.
+
+    Args and result: as :func:`log_membership`; the labels' shares sum to one.
+    """
+    # Not torch.softmax: over the first dimension it shares even the smallest batch between threads,
+    # which is slow, and cuts it amid vectors, so that the last bit depends on how many threads.
+    strength = log_membership(x, centres, widths)
+    strength = torch.exp(strength - strength.amax(0))
+    return strength / strength.sum(0)
+
+
+def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tensor) -> Tensor:
+    """Q(s, a) = Σᵢ wᵢσᵢ / Σσ, the weighted average of the consequents (paper, eq. 8).
+
+    Sums over one input's labels after the other: with few labels that's far less work than over
+    all rules, and the order of summation does not depend on the batch.
+
+    Args:
+        consequents: w, ``[labels of input 1, …, labels of input n, action labels, runs]``.
+        shares: for each state input, its labels' shares ``[labels, *batch, runs]``.
+        action_shares: ``[action labels, actions, *batch or 1s, runs or 1]``.
+
+    Returns:
+        Q of every action, ``[actions, *batch, runs]``.
+    """
+    batch = action_shares.ndim - 3
+    rules = consequents.reshape(*consequents.shape[:-1], *[1] * batch, consequents.shape[-1])
+    for share in shares:
+        labels_left = rules.ndim - share.ndim
+        rules = (share.view(share.shape[0], *[1] * labels_left, *share.shape[1:]) * rules).sum(0)
+    return (rules.unsqueeze(1) * action_shares).sum(0)
+
+
+def rule_width(width: float, reading: str) -> float:
+    """σ from the paper's second number, read as the ``sigma`` itself or as a ``variance`` σ²."""
+    return math.sqrt(width) if reading == "variance" else width

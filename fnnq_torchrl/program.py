@@ -1,0 +1,169 @@
+"""One learning step of a whole batch of runs: a function from TensorDicts to TensorDicts."""
+
+from collections.abc import Mapping
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torch.func import functional_call
+
+from envs.pure import PureEnv
+from fnnq_torchrl import qlambda
+from fnnq_torchrl.autograd import gradient
+from fnnq_torchrl.layout import per_run, runs_first, runs_last
+from fnnq_torchrl.loss import PengQLambdaLoss, credit
+from fnnq_torchrl.policy import EpsilonGreedyPolicy
+from fnnq_torchrl.values import ValueNetwork
+
+
+class Program:
+    """Peng's Q(λ) on an environment: act, step, the two errors, weights and trace, restart.
+
+    Everything that differs from run to run comes in TensorDicts of batch size ``[runs]``, and
+    nothing is averaged over runs, so each run is a learner of its own:
+
+    * ``run``, which stays: ``seed``, ``lam``, ``alpha``, ``alpha_decay``, ``gamma``, ``epsilon``,
+      each ``[runs, 1]``;
+    * ``state``, which every step replaces: ``world``, what the environment needs to go on;
+      ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the step size
+      so far decayed; ``situations`` and ``steps``, counts of what was learned from; ``snapshot``,
+      weights and steps as they were when an evaluation was last due.
+
+    Args:
+        env: the world, with the runs as its batch.
+        value_network: Q(s, a); its weights are the shape of every run's, its values their start.
+        trace: the reading of step h, ``output`` or ``gradient``.
+        evaluate_every: situations from one evaluation to the next.
+    """
+
+    def __init__(
+        self,
+        env: PureEnv,
+        value_network: ValueNetwork,
+        *,
+        trace: str,
+        evaluate_every: int,
+    ) -> None:
+        self.env = env
+        self.policy = EpsilonGreedyPolicy(value_network, epsilon=0.0)
+        self.loss = PengQLambdaLoss(value_network, gamma=1.0)
+        self.reading = trace
+        self.evaluate_every = evaluate_every
+
+    def begin(self, run: TensorDictBase) -> TensorDict:
+        """The state before the first step: weights as the network has them, no trace."""
+        runs = run.batch_size
+        parameters = dict(self.loss.value_network.named_parameters())
+        weights = {name: _copy(p.detach()) for name, p in parameters.items()}
+        zero = torch.zeros_like(run["seed"])
+        batch = {"batch_size": runs, "device": run.device}
+        return TensorDict(
+            {
+                "world": self.env.start(run["seed"], zero),
+                "weights": TensorDict(weights, **batch),
+                "trace": TensorDict({k: torch.zeros_like(w) for k, w in weights.items()}, **batch),
+                "alpha": run["alpha"].clone(),
+                "situations": zero,
+                "steps": zero.clone(),
+                "snapshot": TensorDict(
+                    {
+                        "weights": TensorDict({k: _copy(w) for k, w in weights.items()}, **batch),
+                        "steps": zero.clone(),
+                    },
+                    **batch,
+                ),
+            },
+            **batch,
+        )
+
+    def step(self, run: TensorDictBase, state: TensorDictBase) -> TensorDict:
+        """One step of every run in its world, and what it learns from it (paper, Table 1).
+
+        A snapshot is taken where the step ends a situation after which an evaluation is due.
+        Whoever calls collects it before the next one can be due, ``env.fewest_steps ·
+        evaluate_every`` steps later.
+        """
+        world = act(self.policy, state["weights"], run["epsilon"], state["world"])
+        transition = self.env.step(world)
+        after = transition["next"]
+        slope, td_error, chosen_td_error = self._slope(state["weights"], run["gamma"], transition)
+        directions, trace = credit(
+            state["trace"],
+            slope,
+            td_error,
+            chosen_td_error,
+            run["gamma"] * run["lam"],
+            after["done"],
+            self.reading,
+        )
+        alpha = per_run(state["alpha"])
+        weights = {
+            name: runs_first(runs_last(weight) + alpha * runs_last(directions[name]))
+            for name, weight in state["weights"].items()
+        }
+        alpha = qlambda.decayed_step_size(
+            alpha, per_run(run["alpha_decay"]), per_run(after["reward"])
+        )
+        situations, steps = state["situations"] + after["done"], state["steps"] + 1
+        due = after["done"] & (situations % self.evaluate_every == 0)
+        snapshot = state["snapshot"]
+        now = TensorDict(
+            {
+                "weights": _where(due, weights, snapshot["weights"]),
+                "steps": torch.where(due, steps, snapshot["steps"]),
+            }
+        )
+        return TensorDict(
+            {
+                "world": self.env.restart(after),
+                "weights": weights,
+                "trace": trace,
+                "alpha": alpha.unsqueeze(-1),
+                "situations": situations,
+                "steps": steps,
+                "snapshot": now,
+            },
+            batch_size=state.batch_size,
+            device=state.device,
+        )
+
+    def _slope(
+        self, weights: Mapping[str, Tensor], gamma: Tensor, transition: TensorDictBase
+    ) -> tuple[dict[str, Tensor], Tensor, Tensor]:
+        """∇Q(s, a) of every run, by autograd through the loss, and the errors δ and δ′."""
+
+        def chosen_value(weights: dict[str, Tensor]) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+            overrides = {f"value_network.{name}": weight for name, weight in weights.items()}
+            losses = functional_call(self.loss, overrides | {"gamma": gamma}, (transition,))
+            # No run's Q depends on another's weights: the sum's gradient is each run's own.
+            total = losses["chosen_action_value"].sum()
+            return total, (losses["td_error"], losses["chosen_td_error"])
+
+        slope, errors = gradient(chosen_value, dict(weights.items()))
+        return slope, *errors
+
+
+def act(
+    policy: EpsilonGreedyPolicy,
+    weights: Mapping[str, Tensor],
+    epsilon: Tensor,
+    world: TensorDictBase,
+) -> TensorDictBase:
+    """The world's TensorDict with each run's choice in it, from that run's weights and ε."""
+    overrides = {f"value_network.{name}": weight for name, weight in weights.items()}
+    return functional_call(policy, overrides | {"epsilon": epsilon}, (world.copy(),))
+
+
+def _copy(weight: Tensor) -> Tensor:
+    """A copy with the runs last in memory."""
+    return runs_first(runs_last(weight).contiguous().clone())
+
+
+def _where(
+    mask: Tensor, chosen: Mapping[str, Tensor], other: Mapping[str, Tensor]
+) -> dict[str, Tensor]:
+    mask = per_run(mask)
+    return {
+        name: runs_first(torch.where(mask, runs_last(new), runs_last(other[name])))
+        for name, new in chosen.items()
+    }

@@ -1,0 +1,141 @@
+"""What a command shows on the terminal: its progress, and the table at its end."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from rich import progress
+from rich.console import Console
+from rich.table import Table
+
+from fnnq_torchrl.results import Summary
+
+# Where there is no terminal, progress is one line each time another of so many parts is done.
+_PARTS = 5
+
+
+class Progress:
+    """A bar with the time left on a terminal, a few plain lines elsewhere; both on stderr.
+
+        with Progress(4400, "learning") as progress:
+            progress.update(22)
+
+    Args:
+        total: what there is to do, at least 1.
+        description: what is being done.
+        unit: what is counted, in the plural.
+        console: where to write, if not on stderr.
+        clock: tells the seconds, from any start.
+    """
+
+    def __init__(
+        self,
+        total: int,
+        description: str,
+        unit: str = "situations",
+        console: Console | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._total, self._description, self._unit = total, description, unit
+        self._console = console or Console(stderr=True)
+        self._clock = clock
+        self._started_s = clock()
+        self._parts_done = 0
+        self._bar: progress.Progress | None = None
+        # isatty too, since rich takes FORCE_COLOR for a terminal, which a log file is not.
+        if self._console.is_interactive and self._console.file.isatty():
+            self._bar = progress.Progress(
+                progress.TextColumn("{task.description}"),
+                progress.BarColumn(),
+                progress.TaskProgressColumn(),
+                progress.TimeRemainingColumn(elapsed_when_finished=True),
+                console=self._console,
+                get_time=clock,
+            )
+            self._task = self._bar.add_task(description, total=total)
+
+    def __enter__(self) -> Self:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        exception_type: type[BaseException] | None,
+        exception: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def update(self, done: int) -> None:
+        """Say how many of the total are done by now; never fewer than before."""
+        if self._bar is not None:
+            self._bar.update(self._task, completed=done)
+            return
+        parts_done = done * _PARTS // self._total
+        if parts_done > self._parts_done:
+            self._parts_done = parts_done
+            self._print_line(done)
+
+    def _print_line(self, done: int) -> None:
+        elapsed_s = self._clock() - self._started_s
+        if done < self._total:
+            when = f"{_duration(elapsed_s * (self._total - done) / done)} left"
+        else:
+            when = f"took {_duration(elapsed_s)}"
+        self._console.print(
+            f"{self._description}: {100 * done // self._total} % "
+            f"of {self._total:,} {self._unit}, {when}",
+            soft_wrap=True,
+            markup=False,
+            highlight=False,
+        )
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def print_summary(summary: Summary, picture: Path, console: Console | None = None) -> None:
+    """Print the numbers that a user asks for first, and where the picture is.
+
+    Args:
+        summary: the job's, whose scores are shown with two decimals.
+        picture: shown relative to the current directory if it lies below it, on one line
+            however narrow the terminal.
+        console: standard output, unless given.
+    """
+    console = console or Console()
+    table = Table(show_header=False)
+    table.add_column(overflow="fold")
+    table.add_column(overflow="fold")
+    table.add_row("runs", f"{summary['runs']:,}")
+    # Not every terminal can show a λ, and failing there would be a sad end to a long job.
+    lam = "lam" if console.options.ascii_only else "λ"
+    table.add_row(lam, ", ".join(f"{value:g}" for value in summary["lam"]))
+    for name, mean, interval in (
+        ("mean score", summary["mean_score"], summary["mean_score_interval"]),
+        ("final score", summary["final_score"], summary["final_score_interval"]),
+    ):
+        table.add_row(name, f"{mean:.2f}, {_interval(interval, summary['confidence'])}")
+    table.add_row("learning steps", f"{summary['learning_steps']:,}")
+    rate = summary["learning_steps_per_second"]
+    table.add_row("learning steps per second", "unknown" if rate is None else f"{rate:,.0f}")
+    console.print(table)
+
+    if picture.is_relative_to(Path.cwd()):
+        picture = picture.relative_to(Path.cwd())
+    console.print(f"learning curve: {picture}", soft_wrap=True, markup=False, highlight=False)
+
+
+def _interval(interval: list[float] | None, confidence: float) -> str:
+    if interval is None:
+        return "one run, so no interval"
+    low, high = interval
+    return f"{100 * confidence:g} % interval {low:.2f} to {high:.2f}"

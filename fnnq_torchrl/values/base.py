@@ -1,0 +1,39 @@
+"""What a value network offers to policy and loss."""
+
+from abc import ABC, abstractmethod
+
+from tensordict import TensorDictBase
+from torch import Tensor, nn
+
+
+class ValueNetwork(nn.Module, ABC):
+    """Q(s, a) for a batch of runs: every parameter has the runs as its first dimension.
+
+    Args:
+        in_keys: the observations that it sees, by their names in the TensorDict.
+        candidates: the actions among which the best is sought, ``[candidates]``.
+    """
+
+    candidates: Tensor
+
+    def __init__(self, in_keys: list[str], candidates: Tensor) -> None:
+        super().__init__()
+        self.in_keys = in_keys
+        self.register_buffer("candidates", candidates)
+
+    @abstractmethod
+    def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
+        """Q(s, a) of an action, or of every candidate.
+
+        Args:
+            *observations: in the order of ``in_keys``, each ``[runs, *batch, 1]``.
+            action: ``[runs, *batch, 1]``; all the candidates if not given.
+
+        Returns:
+            ``[runs, *batch, 1]`` or ``[runs, *batch, candidates]``.
+        """
+
+    def values_in(self, state: TensorDictBase, action: Tensor | None = None) -> Tensor:
+        """Q in the state that a TensorDict describes; the rest as in :meth:`forward`."""
+        values: Tensor = self(*(state[key] for key in self.in_keys), action=action)
+        return values

@@ -1,0 +1,39 @@
+"""The paper's world, and robots to drive in it."""
+
+from collections.abc import Callable
+
+import pytest
+import torch
+from tensordict.nn import TensorDictModule
+from torch import Tensor
+
+from envs.world import World
+from fnnq_torchrl.compose import load_config
+
+
+@pytest.fixture(scope="session")
+def world() -> World:
+    """The default world."""
+    return load_config().env
+
+
+@pytest.fixture(scope="session")
+def wander() -> TensorDictModule:
+    """Any action at any time, drawn from the run's own random numbers."""
+    return policy(lambda bearing, chance: 2 * chance - 1)
+
+
+@pytest.fixture(scope="session")
+def follow() -> TensorDictModule:
+    """Towards the ball, not quite steadily: most situations end in a catch, at various steps."""
+    return policy(lambda bearing, chance: (chance - 0.5 - 5 * bearing).clamp(-1, 1))
+
+
+@pytest.fixture(scope="session")
+def straight() -> TensorDictModule:
+    """Always straight on."""
+    return policy(lambda bearing, chance: torch.zeros_like(bearing))
+
+
+def policy(choose: Callable[[Tensor, Tensor], Tensor]) -> TensorDictModule:
+    return TensorDictModule(choose, in_keys=["bearing", "chance"], out_keys=["action"])

@@ -1,0 +1,90 @@
+"""Peng's Q(λ) for a table of states × actions, in plain Python: the twin of the learning program.
+
+The paper's Table 1, after J. Peng, R. J. Williams, "Incremental multi-step Q-learning", Machine
+Learning 22, 1996, with the misprints mended: f multiplies Tr by the error, and V̂ (twice: it is also
+what Ŵ stands for) is the max of Q̂, not the arg max.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Protocol
+
+Table = list[list[float]]
+
+
+class Arrival(NamedTuple):
+    """What a step led to."""
+
+    reward: float
+    state: int
+    terminated: bool
+    done: bool
+    chance: float
+
+
+class World(Protocol):
+    """Where the learner is; `chance` is the uniform random number that its next choice takes."""
+
+    def start(self, episode: int) -> tuple[int, float]:
+        """The first state, and the chance."""
+
+    def move(self, state: int, action: int, episode: int, step: int) -> Arrival:
+        """The step-th step of an episode, counted from 1."""
+
+
+class Learned(NamedTuple):
+    """The learner after a step."""
+
+    q: Table
+    trace: Table
+    alpha: float
+
+
+def peng_q_lambda(
+    world: World,
+    states: int,
+    actions: int,
+    *,
+    lam: float,
+    alpha: float,
+    alpha_decay: float,
+    gamma: float,
+    epsilon: float,
+) -> Iterator[Learned]:
+    """Steps for ever. The letters are those of Table 1."""
+    q = [[0.0] * actions for _ in range(states)]  # 1
+    trace = [[0.0] * actions for _ in range(states)]
+    episode = 0
+    while True:
+        state, chance = world.start(episode)  # 2 a
+        step, done = 0, False
+        while not done:
+            action = epsilon_greedy(q[state], epsilon, chance)  # b
+            step += 1
+            reward, after, terminated, done, chance = world.move(state, action, episode, step)  # c
+            ahead = 0.0 if terminated else max(q[after])
+            error = reward + gamma * ahead - max(q[state])  # d
+            chosen_error = reward + gamma * ahead - q[state][action]  # e
+            for s in range(states):
+                for a in range(actions):
+                    trace[s][a] = gamma * lam * trace[s][a]  # f
+                    chosen = (s, a) == (state, action)  # g
+                    q[s][a] += alpha * (error * trace[s][a] + (chosen_error if chosen else 0.0))
+            trace[state][action] += 1  # h
+            if done:
+                trace = [[0.0] * actions for _ in range(states)]
+            if reward > 0:
+                alpha = alpha_decay * alpha
+            yield Learned([*map(list.copy, q)], [*map(list.copy, trace)], alpha)
+            state = after
+        episode += 1
+
+
+def epsilon_greedy(values: Sequence[float], epsilon: float, u: float) -> int:
+    """With probability ε any action, else one of the best; u, uniform in [0, 1), decides."""
+    if u < epsilon:
+        among = list(range(len(values)))
+        share = u / epsilon
+    else:
+        among = [a for a, value in enumerate(values) if value == max(values)]
+        share = (u - epsilon) / (1 - epsilon)
+    return among[min(int(share * len(among)), len(among) - 1)]

@@ -1,0 +1,62 @@
+"""Small programs and their runs, for the tests to step through."""
+
+from functools import cache
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+
+from envs.follow_ball import FollowBall
+from fnnq_torchrl.compose import load_config
+from fnnq_torchrl.config import PER_RUN, Config
+from fnnq_torchrl.lanes import pad
+from fnnq_torchrl.program import Program
+from fnnq_torchrl.values import ValueNetwork, make_value_network
+
+SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
+"""Every situation is over after 10 to 14 steps, some by a catch and some by a miss."""
+
+
+def make_runs(config: Config, count: int, **columns: float | Tensor) -> TensorDict:
+    """Runs of different seeds with the configuration's values, or the given ones, ``[count]``."""
+    values = {key: getattr(config, key) for key in PER_RUN} | {"seed": torch.arange(count)}
+    dtype = getattr(torch, config.dtype)
+    tensors = {}
+    for key, value in (values | columns).items():
+        column = torch.as_tensor(value, dtype=torch.int64 if key == "seed" else dtype)
+        tensors[key] = column.expand(count).unsqueeze(-1).clone()
+    return TensorDict(tensors, batch_size=[count])
+
+
+def in_lanes(run: TensorDictBase) -> TensorDict:
+    """The same runs, padded as the trainer pads them."""
+    return run.apply(pad, batch_size=[]).auto_batch_size_(1)
+
+
+def make_program(
+    config: Config, run: TensorDictBase, network: ValueNetwork | None = None
+) -> Program:
+    """A program of the follow-the-ball world for these runs, by default on the fuzzy network."""
+    dtype = getattr(torch, config.dtype)
+    candidates = torch.linspace(-1, 1, config.candidates, dtype=dtype)
+    return Program(
+        FollowBall(config.env, [len(run)], dtype=dtype),
+        network or make_value_network(config.value, candidates, len(run)),
+        trace=config.trace,
+        evaluate_every=config.evaluation.every,
+    )
+
+
+@torch.no_grad()
+def advance(program: Program, run: TensorDictBase, steps: int) -> TensorDict:
+    """The state after so many steps."""
+    state = program.begin(run)
+    for _ in range(steps):
+        state = program.step(run, state)
+    return state
+
+
+@cache
+def config(*overrides: str) -> Config:
+    """The default configuration in the small world."""
+    return load_config(*SMALL_WORLD, *overrides)

@@ -1,0 +1,171 @@
+"""The command line, from ``sys.argv`` to the job and back to the exit status."""
+
+import os
+import subprocess
+import sys
+import types
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from fnnq_torchrl import train
+from fnnq_torchrl.cli import fresh_directory
+from fnnq_torchrl.config import Config, ConfigError
+
+ROOT = Path(train.__file__).parents[1]
+UNIT = "must be a number in [0, 1]"
+MISTAKES = {
+    "lam=1.5": f"lam=1.5: {UNIT}",
+    "lam=abc": f"lam=abc: {UNIT}",
+    "lam=nan": f"lam=nan: {UNIT}",
+    "lam=": f"lam=: {UNIT}",
+    "lam=null": f"lam=null: {UNIT}",
+    "lam=true": f"lam=True: {UNIT}",
+    "lamm=0.2": "lamm=0.2: there is no lamm; did you mean lam?",
+    "+lamm=0.2": "lamm=0.2: there is no lamm; did you mean lam?",
+    "num_seeds=0": "num_seeds=0: must be a whole number >= 1",
+    "seed=1.5": "seed=1.5: must be a whole number >= 0",
+    "seed=-1": "seed=-1: must be a whole number >= 0",
+    "alpha=-1": "alpha=-1.0: must be a number in [0, inf)",
+    "situations=7": "situations=7: must be a whole multiple of evaluation.every=5",
+    "trace=foo": "trace=foo: must be output or gradient",
+    "value=nope": "value=nope: must be fnnq",
+    "env.speed_mps=-1": "env.speed_mps=-1.0: must be a number in (0, inf)",
+    "env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
+    "+env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
+    "hydra.nope=1": "Could not override 'hydra.nope'. To append to your config use +hydra.nope=1",
+}
+SWEEPS = {
+    "lam=0.2,0.3": f"lam=0.2,0.3: several values need -m, a job for each; lam {UNIT}",
+    "seed=range(22)": "seed=range(22): several values need -m, a job for each; "
+    "seed must be a whole number >= 0",
+}
+
+
+class Outcome(NamedTuple):
+    status: int
+    stderr: str
+    jobs: list[tuple[Config, Path]]
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys) -> Callable[..., Outcome]:
+    """Runs the train command in this process with a job that only takes notes."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str, job: Callable[[Config, Path], None] | None = None) -> Outcome:
+        jobs: list[tuple[Config, Path]] = []
+        stub = types.ModuleType("fnnq_torchrl.job")
+        stub.run_job = job or (lambda config, directory: jobs.append((config, directory)))
+        monkeypatch.setitem(sys.modules, stub.__name__, stub)
+        # pytest's own logging stays as it is
+        quiet = ("hydra/job_logging=none", "hydra/hydra_logging=none")
+        monkeypatch.setattr(sys, "argv", ["train", *quiet, *arguments])
+        status = 0
+        try:
+            train.main()
+        except SystemExit as end:
+            status = end.code
+        return Outcome(status, capsys.readouterr().err, jobs)
+
+    return run
+
+
+def test_one_job(run, tmp_path):
+    status, stderr, [(config, directory)] = run("lam=0.3", "seed=3")
+    assert (status, stderr) == (0, "")
+    assert (config.lam, config.seed) == (0.3, 3)
+    assert directory.parent == tmp_path / "outputs"
+    assert (directory / ".hydra" / "overrides.yaml").read_text() == "- lam=0.3\n- seed=3\n"
+    assert Path.cwd() == tmp_path
+
+
+def test_a_sweep_is_one_job_after_the_other(run, tmp_path):
+    status, stderr, jobs = run("seed=range(3)", "-m")
+    assert (status, stderr) == (0, "")
+    assert [config.seed for config, _ in jobs] == [0, 1, 2]
+    [sweep] = (tmp_path / "outputs" / "sweeps").iterdir()
+    assert [directory for _, directory in jobs] == [sweep / str(number) for number in range(3)]
+
+
+def assert_refused(outcome: Outcome, mistake: str) -> None:
+    assert outcome == (2, MISTAKES[mistake] + "\n", [])
+    written = {path.name for path in Path.cwd().rglob("*") if path.is_file()}
+    assert written <= {"config.yaml", "hydra.yaml", "overrides.yaml", "multirun.yaml"}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_line(run, mistake):
+    assert_refused(run(mistake), mistake)
+
+
+@pytest.mark.parametrize("mistake", ["lam=1.5", "lam=abc", "lamm=0.2", "+lamm=0.2", "value=nope"])
+def test_a_mistake_is_one_line_with_m(run, mistake):
+    assert_refused(run(mistake, "-m"), mistake)
+
+
+@pytest.mark.parametrize("sweep", SWEEPS)
+def test_a_sweep_needs_its_flag(run, sweep):
+    assert run(sweep) == (2, SWEEPS[sweep] + "\n", [])
+
+
+def test_a_mistake_within_a_sweep_ends_it(run):
+    status, stderr, jobs = run("lam=0.1,1.5,0.2", "-m")
+    assert (status, stderr) == (2, f"lam=1.5: {UNIT}\n")
+    assert [config.lam for config, _ in jobs] == [0.1]
+
+
+@pytest.mark.parametrize("flags", [[], ["-m"]], ids=["run", "multirun"])
+def test_a_jobs_own_refusal_is_one_line(run, flags):
+    def job(config, directory):
+        raise ConfigError("device=cuda: no GPU here,\nbut cpu works")
+
+    assert run(*flags, job=job) == (2, "device=cuda: no GPU here, but cpu works\n", [])
+
+
+def test_ctrl_c_is_one_line(run):
+    def job(config, directory):
+        raise KeyboardInterrupt
+
+    assert run(job=job) == (130, "interrupted\n", [])
+
+
+def test_a_bug_keeps_its_traceback(run):
+    def job(config, directory):
+        raise ZeroDivisionError("a bug")
+
+    with pytest.raises(ZeroDivisionError, match="a bug"):
+        run(job=job)
+
+
+def test_who_asks_hydra_for_tracebacks_gets_them(run, monkeypatch):
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    with pytest.raises(Exception, match="Error merging override lam=abc"):
+        run("lam=abc")
+
+
+def test_the_environment_is_left_as_it_was(run):
+    before = dict(os.environ)
+    run("lam=abc")
+    assert dict(os.environ) == before
+
+
+def test_no_two_starts_share_a_directory(run, tmp_path):
+    with ThreadPoolExecutor(16) as pool:
+        made = list(pool.map(fresh_directory, [str(tmp_path / "outputs" / "now")] * 64))
+    names = {Path(path).name for path in made}
+    assert names == {"now"} | {f"now_{number}" for number in range(2, 65)}
+    assert run().jobs[0][1] != run().jobs[0][1]
+
+
+def test_the_check_comes_before_torch(tmp_path):
+    command = [sys.executable, "-X", "importtime", "-m", "fnnq_torchrl.train", "lam=1.5"]
+    ended = subprocess.run(
+        command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
+    )
+    *imports, line = ended.stderr.decode().splitlines()
+    assert (ended.returncode, ended.stdout, line) == (2, b"", f"lam=1.5: {UNIT}")
+    assert not [entry for entry in imports if entry.split("|")[-1].strip() == "torch"]

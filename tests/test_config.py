@@ -1,0 +1,197 @@
+"""The schema, the values under ``conf/``, and what they make together."""
+
+import subprocess
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+from hydra import initialize_config_dir, version
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.utils import JobRuntime
+from omegaconf import OmegaConf
+
+from envs.ranges import allowed
+from fnnq_torchrl.compose import config_directory, load_config
+from fnnq_torchrl.config import PER_RUN, Config, ConfigError, UnknownKey, per_run, to_config
+
+CONF = config_directory()
+CHOICES = [f"{path.parent.name}={path.stem}" for path in sorted(CONF.glob("*/*.yaml"))]
+
+
+@pytest.fixture(scope="module")
+def default() -> Config:
+    return load_config()
+
+
+def test_the_defaults_are_the_papers_and_spec(default):
+    assert asdict(default) == {
+        "lam": 0.2,
+        "seed": 0,
+        "num_seeds": 1,
+        "alpha": 0.4,
+        "alpha_decay": 0.99,
+        "gamma": 0.95,
+        "epsilon": 0.1,
+        "trace": "output",
+        "situations": 200,
+        "candidates": 21,
+        "device": "cpu",
+        "dtype": "float32",
+        "env": {
+            "time_step_s": 0.1,
+            "speed_mps": 0.3,
+            "track_width_m": 0.321,
+            "circle_radius_m": 1.5,
+            "start_angle_rad": 0.9,
+            "ball_speed_min_radps": 0.05,
+            "ball_speed_max_radps": 0.15,
+            "catch_distance_m": 0.2,
+            "time_limit_steps": 120,
+            "bearing_noise_rad": 0.01,
+            "field_of_view_rad": 1.0,
+            "catch_reward": 1.0,
+            "miss_reward": -0.5,
+        },
+        "value": {
+            "inputs": {"bearing": [[-0.5, 0.4], [-0.1, 0.1], [0, 0.05], [0.1, 0.1], [0.5, 0.4]]},
+            "action": [[-1, 0.4], [-0.4, 0.3], [0.4, 0.3], [1, 0.4]],
+            "width": "sigma",
+        },
+        "evaluation": {
+            "every": 5,
+            "situations": [[0.8, 0.1], [-0.8, -0.1], [0.4, -0.15], [-0.4, 0.15], [0, 0.12]],
+        },
+    }
+
+
+@pytest.mark.parametrize("choice", CHOICES)
+def test_every_shipped_yaml_composes(choice):
+    load_config(choice)
+
+
+def test_every_shipped_yaml_is_known():
+    """A new folder level or file ending would escape the test above."""
+    shipped = {path.relative_to(CONF) for path in CONF.rglob("*") if path.is_file()}
+    composed = {Path(choice.replace("=", "/") + ".yaml") for choice in CHOICES}
+    assert shipped == composed | {Path("config.yaml")}
+
+
+def test_overrides_reach_their_keys():
+    config = load_config("lam=1", "env.speed_mps=0.5", "value.inputs.bearing=[[0,1]]")
+    assert (config.lam, config.env.speed_mps) == (1, 0.5)
+    assert config.value.inputs == {"bearing": [[0, 1]]}
+
+
+@pytest.mark.parametrize("key", allowed(Config))
+def test_every_key_has_a_type_and_a_range(default, key):
+    values = OmegaConf.create(asdict(default))
+    OmegaConf.update(values, key, "nonsense")
+    with pytest.raises(ConfigError) as refused:
+        to_config(values)
+    assert str(refused.value) == f"{key}=nonsense: must be {allowed(Config)[key]}"
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        (
+            "env.ball_speed_min_radps=0.2",
+            "env.ball_speed_min_radps=0.2: must be at most ball_speed_max_radps=0.15",
+        ),
+        (
+            "+value.inputs.sonar=[[0,1]]",
+            "value.inputs.sonar=[[0, 1]]: must be under the name of one of: bearing",
+        ),
+        ("~value.inputs.bearing", "value.inputs={}: must be labels for at least one of: bearing"),
+        (
+            "value.action=[[0,0]]",
+            "value.action=[[0, 0]]: must be a list of at least one pair [centre, width] "
+            "with width > 0",
+        ),
+        (
+            "evaluation.situations=[]",
+            "evaluation.situations=[]: must be a list of at least one pair [angle, speed]",
+        ),
+        ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1"),
+        ("evaluation.every=3", "situations=200: must be a whole multiple of evaluation.every=3"),
+        ("situations=0", "situations=0: must be a whole number >= 1"),
+        ("candidates=1", "candidates=1: must be a whole number >= 2"),
+        ("device=tpu", "device=tpu: must be cpu, cuda or cuda:N"),
+        ("~lam", "lam=???: must be a number in [0, 1]"),
+        ("lam=${nowhere}", "lam: Interpolation key 'nowhere' not found"),
+        ("lam=[", "lam=[: can't be read as key=value"),
+        ("speed_mps=1", "speed_mps=1: there is no speed_mps; did you mean env.speed_mps?"),
+        ("envs=follow_ball", "envs=follow_ball: there is no envs; did you mean env?"),
+        ("env={sped: 1}", "env.sped: there is no env.sped; did you mean env.speed_mps?"),
+        (
+            "env.situations=1",
+            "env.situations=1: there is no env.situations; "
+            "did you mean situations or evaluation.situations?",
+        ),
+        (
+            "evaluation.x=1",
+            "evaluation.x=1: there is no evaluation.x; there is evaluation.every, "
+            "evaluation.situations",
+        ),
+    ],
+)
+def test_a_mistake_is_one_line(override, line):
+    with pytest.raises(ConfigError) as refused:
+        load_config(override)
+    assert str(refused.value) == line
+
+
+def test_the_last_seed_fits_63_bits(default):
+    assert per_run(load_config(f"seed={2**63 - 2}", "num_seeds=2"))["seed"][-1] == 2**63 - 1
+    with pytest.raises(ConfigError, match=f"^seed={2**63 - 1}: must be at most {2**63 - 2}"):
+        replace(default, seed=2**63 - 1, num_seeds=2)
+
+
+def test_a_config_is_checked_when_it_is_made(default):
+    with pytest.raises(ConfigError, match=r"^lam=1\.5: must be"):
+        replace(default, lam=1.5)
+
+
+def test_per_run_columns(default):
+    columns = per_run(replace(default, seed=3, num_seeds=4))
+    assert tuple(columns) == PER_RUN
+    assert columns.pop("seed") == [3, 4, 5, 6]
+    assert columns == {key: [getattr(default, key)] * 4 for key in columns}
+
+
+def test_a_saved_configuration_comes_back(default):
+    assert to_config(OmegaConf.create(asdict(default))) == default
+
+
+def test_a_saved_configuration_is_checked(default):
+    with pytest.raises(UnknownKey, match=r"^lamm=1: .* did you mean lam"):
+        to_config(OmegaConf.create(asdict(default) | {"lamm": 1}))
+    with pytest.raises(ConfigError, match=r"^lam=\?\?\?: must be a number"):
+        to_config(OmegaConf.create({}))
+
+
+def test_load_config_leaves_a_surrounding_hydra_alone():
+    def state():
+        hydra = GlobalHydra.instance().hydra
+        return hydra, version.getbase(), JobRuntime.instance().get("name")
+
+    with initialize_config_dir(str(CONF), job_name="surrounding", version_base="1.2"):
+        before = state()
+        load_config()
+        with pytest.raises(ConfigError):
+            load_config("lam=2")
+        assert state() == before
+
+
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("fnnq_torchrl.config", {"torch", "hydra"}),
+        ("fnnq_torchrl.train", {"torch", "torchrl", "tensordict", "scipy", "matplotlib"}),
+    ],
+)
+def test_imports_are_light(module, heavy):
+    script = f"import sys, {module}; print(*{heavy!r} & set(sys.modules))"
+    command = [sys.executable, "-c", script]
+    assert subprocess.run(command, check=True, capture_output=True, text=True).stdout == "\n"

@@ -1,0 +1,71 @@
+"""A whole job, from its configuration to its files."""
+
+import json
+
+import pytest
+import torch
+
+from envs.world import World
+from fnnq_torchrl.checkpoint import load_checkpoint
+from fnnq_torchrl.compose import load_config
+from fnnq_torchrl.config import Config, ConfigError, EvaluationConfig, FNNQConfig
+from fnnq_torchrl.job import run_job
+from fnnq_torchrl.results import read_evaluations
+from fnnq_torchrl.trainer import Trainer
+
+
+def test_a_job_leaves_its_files_and_says_where(tmp_path, capsys):
+    config = load_config("lam=0.2", "seed=3", "num_seeds=2", "situations=10")
+    run_job(config, tmp_path)
+
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"checkpoint.pt", "evaluations.csv", "learning_curve.png", "summary.json"}
+    header, first, *rest = (tmp_path / "evaluations.csv").read_text().splitlines()
+    assert header.startswith("seed,lam,situations,steps,catches")
+    assert first.startswith("3,0.2,0,0,")
+    assert len(rest) == 2 * 3 - 1
+    evaluations = read_evaluations(tmp_path / "evaluations.csv")
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["runs"] == 2
+    assert summary["learning_steps"] == evaluations.steps[:, -1].sum()
+    assert summary["mean_score"] == evaluations.catches[:, 1:].mean()
+    checkpoint = load_checkpoint(tmp_path / "checkpoint.pt")
+    assert checkpoint.weights["weight"].shape == (2, 5, 4)
+    assert checkpoint.weights["weight"].abs().sum() > 0
+    assert checkpoint.config["situations"] == 10
+    assert "learning_curve.png" in capsys.readouterr().out
+
+
+def test_a_job_is_the_same_every_time(tmp_path):
+    config = load_config("seed=5", "situations=5")
+    for name in ("once", "again"):
+        (tmp_path / name).mkdir()
+        run_job(config, tmp_path / name)
+    once, again = ((tmp_path / name / "evaluations.csv").read_bytes() for name in ("once", "again"))
+    assert once == again
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
+def test_a_missing_device_is_told(tmp_path):
+    with pytest.raises(ConfigError, match=r"^device=cuda: .*no CUDA"):
+        run_job(load_config("device=cuda"), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_key_is_read_by_something(monkeypatch):
+    config = load_config("situations=5")
+    read = set()
+    for schema in (Config, World, FNNQConfig, EvaluationConfig):
+
+        def recording(self, name, schema=schema):
+            if name in schema.__dataclass_fields__:
+                read.add((schema, name))
+            return object.__getattribute__(self, name)
+
+        monkeypatch.setattr(schema, "__getattribute__", recording)
+    trainer = Trainer(config)
+    trainer.learn()
+    trainer.evaluate()
+
+    schemas = (Config, World, FNNQConfig, EvaluationConfig)
+    assert read == {(schema, name) for schema in schemas for name in schema.__dataclass_fields__}

@@ -1,0 +1,139 @@
+from itertools import islice
+
+import pytest
+import torch
+from tensordict import TensorDict
+
+from fnnq_torchrl.config import PER_RUN
+from fnnq_torchrl.program import Program
+from fnnq_torchrl.values import FNNQValue
+
+from .oracles.peng import peng_q_lambda
+from .oracles.random_mdp import ACTIONS, STATES, RandomMDP, Walk
+from .programs import advance, config, make_program, make_runs
+
+CRISP = 0.01  # the labels' width, where places and actions are 1 apart: all other memberships are 0
+STEPS = 150
+
+
+@pytest.fixture(scope="module")
+def mdp_runs() -> TensorDict:
+    """Runs that differ in everything, with every λ three times at each end of the ε scale."""
+    generator = torch.Generator().manual_seed(1)
+    lam = torch.tensor([0.0, 0.2, 0.8, 1.0]).double().repeat(6)
+    runs = len(lam)
+
+    def between(low: float, high: float) -> torch.Tensor:
+        return low + (high - low) * torch.rand(runs, generator=generator, dtype=torch.float64)
+
+    columns = {
+        "seed": torch.randperm(2**20, generator=generator)[:runs],
+        "lam": lam,
+        "alpha": between(0.1, 0.9),
+        "alpha_decay": between(0.9, 1.0),
+        "gamma": between(0.5, 1.0),
+        "epsilon": torch.tensor([0.0, 0.1, 0.1, 0.5, 0.5, 1.0]).double().repeat_interleave(4),
+    }
+    return TensorDict({key: value.unsqueeze(-1) for key, value in columns.items()}, [runs])
+
+
+def mdp_program(runs: int, reading: str) -> Program:
+    candidates = torch.linspace(-1, 1, ACTIONS, dtype=torch.float64)
+    network = FNNQValue(
+        {"place": [(place, CRISP) for place in range(STATES)]},
+        [(action, CRISP) for action in candidates.tolist()],
+        candidates,
+        runs=runs,
+    )
+    return Program(RandomMDP(runs), network, trace=reading, evaluate_every=1)
+
+
+@pytest.fixture(scope="module")
+def tables(mdp_runs: TensorDict) -> dict[str, torch.Tensor]:
+    """What the plain-Python learners have after every step: ``[runs, STEPS, …]``."""
+    histories = []
+    for i in range(len(mdp_runs)):
+        values = {key: mdp_runs[key][i].item() for key in PER_RUN}
+        walk = Walk(values.pop("seed"))
+        histories.append([*islice(peng_q_lambda(walk, STATES, ACTIONS, **values), STEPS)])
+    return {
+        name: torch.tensor(
+            [[getattr(learned, name) for learned in history] for history in histories],
+            dtype=torch.float64,
+        )
+        for name in ("q", "trace", "alpha")
+    }
+
+
+@pytest.mark.parametrize("reading", ["output", "gradient"])
+@torch.no_grad()
+def test_with_crisp_labels_it_is_pengs_tabular_q_lambda_to_the_last_bit(
+    mdp_runs: TensorDict, tables: dict[str, torch.Tensor], reading: str
+) -> None:
+    program = mdp_program(len(mdp_runs), reading)
+    state = program.begin(mdp_runs)
+    for step in range(STEPS):
+        state = program.step(mdp_runs, state)
+        assert torch.equal(state["weights", "weight"], tables["q"][:, step]), step
+        assert torch.equal(state["trace", "weight"], tables["trace"][:, step]), step
+        assert torch.equal(state["alpha"].squeeze(-1), tables["alpha"][:, step]), step
+
+
+def test_the_table_has_learned_something(tables: dict[str, torch.Tensor]) -> None:
+    # Else the test above would compare zeros.
+    assert (tables["q"][:, -1].abs() > 1e-3).sum(dim=(-1, -2)).min() >= 3
+    assert (tables["trace"].abs() > 1e-3).any()
+    assert (tables["alpha"][:, -1] < tables["alpha"][:, 0]).all()
+
+
+CHANGES = {"seed": 99, "lam": 0.9, "alpha": 0.2, "alpha_decay": 0.5, "gamma": 0.8, "epsilon": 0.6}
+
+
+def test_every_value_of_a_run_acts_on_that_run_alone() -> None:
+    settings = config()
+    assert set(CHANGES) == set(PER_RUN)
+    base = make_runs(settings, 12)
+    changed = base.clone()
+    for lane, (key, value) in enumerate(CHANGES.items()):
+        changed[key][lane] = value
+    program = make_program(settings, base)
+    before, after = (advance(program, run, 80)["weights", "weight"] for run in (base, changed))
+    differs = (before != after).flatten(1).any(1).tolist()
+    assert differs == [True] * len(CHANGES) + [False] * (12 - len(CHANGES))
+
+
+@torch.no_grad()
+def test_a_step_is_a_function() -> None:
+    settings = config()
+    run = make_runs(settings, 4)
+    program = make_program(settings, run)
+    state = advance(program, run, 20)
+    kept_run, kept_state = run.clone(), state.clone()
+    one, other = program.step(run, state), program.step(run, state)
+    assert (one == other).all()
+    assert (run == kept_run).all()
+    assert (state == kept_state).all()
+    assert (program.loss.value_network.weight == 0).all()
+
+
+@torch.no_grad()
+def test_alpha_decays_after_a_catch_only_and_situations_are_counted() -> None:
+    settings = config()
+    run = make_runs(settings, 16)
+    program = make_program(settings, run)
+    state = program.begin(run)
+    seen = {"catch": 0, "miss": 0}
+    for step in range(1, 40):
+        before, state = state, program.step(run, state)
+        ended = state["situations"] - before["situations"]
+        caught = state["alpha"] < before["alpha"]
+        assert torch.equal(state["alpha"][caught], before["alpha"][caught] * 0.99)
+        assert torch.equal(state["alpha"][~caught], before["alpha"][~caught])
+        assert torch.equal(ended == 1, state["world", "step"] == 0)
+        assert ended[caught].all()
+        assert (state["trace", "weight"][ended.squeeze(-1) == 1] == 0).all()
+        assert (state["steps"] == step).all()
+        assert torch.equal(state["world", "episode"], state["situations"])
+        seen["catch"] += int(caught.sum())
+        seen["miss"] += int(ended.sum() - caught.sum())
+    assert min(seen.values()) > 0
