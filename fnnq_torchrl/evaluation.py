@@ -87,7 +87,7 @@ class Evaluation:
         caught = over
         for _ in range(self.world.time_limit_steps):
             world = env.step(act(self.policy, weights, greedy, world))["next"]
-            caught = caught | (world["terminated"] & (world["reward"] > 0) & ~over)
+            caught = caught | ((world["reward"] > 0) & ~over)
             over = over | world["terminated"]
             if over.all():
                 break

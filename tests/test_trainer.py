@@ -1,3 +1,6 @@
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -9,13 +12,14 @@ from fnnq_torchrl.trainer import Trainer
 from .programs import config, make_program, make_runs
 
 RUNS = 22
+SETTINGS = config("situations=10")
 
 
-def train(*overrides: str, threads: int = 1) -> tuple[Outcome, Tensor]:
+def train(*, threads: int = 1, **changes: Any) -> tuple[Outcome, Tensor]:
     """What came of a short training, and the weights."""
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
-    trainer = Trainer(config("situations=10", *overrides))
+    trainer = Trainer(replace(SETTINGS, **changes))
     trainer.learn()
     outcome = trainer.evaluate()
     torch.set_num_threads(before)
@@ -24,7 +28,7 @@ def train(*overrides: str, threads: int = 1) -> tuple[Outcome, Tensor]:
 
 @pytest.fixture(scope="module")
 def batch() -> tuple[Outcome, Tensor]:
-    return train(f"num_seeds={RUNS}", "seed=7")
+    return train(num_seeds=RUNS, seed=7)
 
 
 def test_every_run_has_a_row_and_padding_has_none(batch: tuple[Outcome, Tensor]) -> None:
@@ -44,19 +48,18 @@ def test_every_run_has_a_row_and_padding_has_none(batch: tuple[Outcome, Tensor])
     assert len(weights.unique(dim=0)) == RUNS
 
 
-@pytest.mark.parametrize("i", [0, 9])
-def test_a_run_alone_is_the_run_in_a_batch(i: int, batch: tuple[Outcome, Tensor]) -> None:
+def test_a_run_alone_is_the_run_in_a_batch(batch: tuple[Outcome, Tensor]) -> None:
     outcome, weights = batch
-    its_outcome, its_weights = train(f"seed={7 + i}")
-    assert its_outcome.seed.tolist() == [7 + i]
-    assert its_outcome.steps.tolist() == outcome.steps[i : i + 1].tolist()
-    assert its_outcome.catches.tolist() == outcome.catches[i : i + 1].tolist()
-    assert torch.equal(its_weights, weights[i : i + 1])
+    its_outcome, its_weights = train(seed=16)
+    assert its_outcome.seed.tolist() == [16]
+    assert its_outcome.steps.tolist() == outcome.steps[9:10].tolist()
+    assert its_outcome.catches.tolist() == outcome.catches[9:10].tolist()
+    assert torch.equal(its_weights, weights[9:10])
 
 
 def test_on_two_threads_in_a_larger_batch(batch: tuple[Outcome, Tensor]) -> None:
     outcome, weights = batch
-    its_outcome, its_weights = train("num_seeds=40", "seed=0", threads=2)
+    its_outcome, its_weights = train(num_seeds=40, seed=0, threads=2)
     assert its_outcome.steps[7 : 7 + RUNS].tolist() == outcome.steps.tolist()
     assert its_outcome.catches[7 : 7 + RUNS].tolist() == outcome.catches.tolist()
     assert torch.equal(its_weights[7 : 7 + RUNS], weights)
@@ -65,9 +68,8 @@ def test_on_two_threads_in_a_larger_batch(batch: tuple[Outcome, Tensor]) -> None
 @torch.no_grad()
 def test_the_weights_are_those_of_the_last_evaluation(batch: tuple[Outcome, Tensor]) -> None:
     outcome, weights = batch
-    settings = config("situations=10")
-    run = make_runs(settings, 32, seed=torch.arange(7, 39))
-    program = make_program(settings, run)
+    run = make_runs(SETTINGS, 32, seed=torch.arange(7, 39))
+    program = make_program(SETTINGS, run)
     state = program.begin(run)
     last = outcome.steps[:, -1]
     for step in range(1, last.max() + 1):
@@ -78,7 +80,7 @@ def test_the_weights_are_those_of_the_last_evaluation(batch: tuple[Outcome, Tens
 
 
 def test_it_tells_how_far_it_is() -> None:
-    trainer = Trainer(config("num_seeds=3", "situations=10"))
+    trainer = Trainer(replace(SETTINGS, num_seeds=3))
     assert trainer.situations_to_learn == 3 * 10
     assert trainer.situations_to_play == 3 * 3 * 5
     learned: list[int] = []
@@ -93,7 +95,7 @@ def test_it_tells_how_far_it_is() -> None:
 
 
 def test_evaluating_changes_nothing() -> None:
-    trainer = Trainer(config("num_seeds=3", "situations=5"))
+    trainer = Trainer(replace(SETTINGS, num_seeds=3, situations=5))
     trainer.learn()
     weights = trainer.weights.clone()
     catches = trainer.evaluate().catches.tolist()
@@ -106,14 +108,14 @@ def test_the_global_random_state_is_neither_read_nor_touched(
 ) -> None:
     torch.manual_seed(123)
     generator, grad = torch.get_rng_state(), torch.is_grad_enabled()
-    _, weights = train("num_seeds=1", "seed=7")
+    _, weights = train(seed=7)
     assert torch.equal(torch.get_rng_state(), generator)
     assert torch.is_grad_enabled() is grad
     assert torch.equal(weights, batch[1][:1])
 
 
-def learned(*overrides: str) -> Tensor:
-    trainer = Trainer(config("situations=5", *overrides))
+def learned(**changes: Any) -> Tensor:
+    trainer = Trainer(replace(SETTINGS, situations=5, **changes))
     trainer.learn()
     return trainer.weights["weight"]
 
@@ -126,21 +128,19 @@ def default_weights() -> Tensor:
 @pytest.mark.parametrize(
     "change",
     [
-        "lam=0.8",
-        "seed=1",
-        "alpha=0.1",
-        "alpha_decay=0.5",
-        "gamma=0.7",
-        "epsilon=0.5",
-        "trace=gradient",
-        "candidates=5",
-        "value.width=variance",
-        "env.speed_mps=0.29",
+        {"lam": 0.8},
+        {"trace": "gradient"},
+        {"candidates": 5},
+        {"value": replace(SETTINGS.value, width="variance")},
+        {"env": replace(SETTINGS.env, speed_mps=0.29)},
     ],
+    ids=lambda change: next(iter(change)),
 )
-def test_the_configuration_reaches_the_learner(change: str, default_weights: Tensor) -> None:
-    assert not torch.equal(learned(change), default_weights)
+def test_the_configuration_reaches_the_learner(
+    change: dict[str, Any], default_weights: Tensor
+) -> None:
+    assert not torch.equal(learned(**change), default_weights)
 
 
 def test_double_precision() -> None:
-    assert learned("dtype=float64").dtype == torch.float64
+    assert learned(dtype="float64").dtype == torch.float64
