@@ -30,7 +30,7 @@ class World(Parameters):
     field_of_view_rad: float = number(above=0, high=pi)  # to either side
 
     catch_reward: float = number(above=0)
-    miss_reward: float = number()
+    miss_reward: float = number(high=0)  # what pays is a catch, and nothing else
 
     def contradictions(self) -> Iterator[OutOfRange]:
         """A slowest ball that is faster than the fastest."""

@@ -34,19 +34,26 @@ from envs.world import OBSERVATIONS, World
 
 __all__ = [
     "PER_RUN",
+    "TRACES",
+    "ActionConfig",
     "Config",
     "ConfigError",
     "EvaluationConfig",
     "FNNQConfig",
+    "MachineConfig",
     "OutOfRange",
     "UnknownKey",
-    "per_run",
     "refusal",
+    "run_columns",
     "to_config",
 ]
 
 PER_RUN = ("seed", "lam", "alpha", "alpha_decay", "gamma", "epsilon")
 """The keys whose values may differ from run to run within one batch; all others are shared."""
+
+
+TRACES = ("output", "gradient")
+"""The readings of step h of the paper's Table 1 (`fnnq_torchrl.qlambda.step_h_scale`)."""
 
 
 @dataclass
@@ -68,6 +75,21 @@ class FNNQConfig(Parameters):
 
 
 @dataclass
+class ActionConfig(Parameters):
+    """The actions among which the best is sought."""
+
+    candidates: int = whole(2)
+
+
+@dataclass
+class MachineConfig(Parameters):
+    """Where to compute, and how precisely."""
+
+    device: str = matching(r"cpu|cuda(:[0-9]+)?", "cpu, cuda or cuda:N")
+    dtype: str = one_of("float32", "float64")
+
+
+@dataclass
 class EvaluationConfig(Parameters):
     """When the runs are tested, and on which starts of the ball [angle, speed]."""
 
@@ -86,15 +108,14 @@ class Config(Parameters):
     alpha_decay: float = number(above=0, high=1)
     gamma: float = number(0, 1)
     epsilon: float = number(0, 1)
-    trace: str = one_of("output", "gradient")
+    trace: str = one_of(*TRACES)
     situations: int = whole(1)
-    candidates: int = whole(2)
-    device: str = matching(r"cpu|cuda(:[0-9]+)?", "cpu, cuda or cuda:N")
-    dtype: str = one_of("float32", "float64")
 
     env: World
     value: FNNQConfig
+    action: ActionConfig
     evaluation: EvaluationConfig
+    machine: MachineConfig
 
     def __post_init__(self) -> None:
         check(self)
@@ -110,7 +131,7 @@ class Config(Parameters):
             yield OutOfRange("seed", self.seed, highest)
 
 
-def per_run(config: Config) -> dict[str, list[float]]:
+def run_columns(config: Config) -> dict[str, list[float]]:
     """The columns of the values that may differ from run to run.
 
     Returns:

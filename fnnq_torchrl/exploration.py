@@ -11,12 +11,12 @@ def epsilon_greedy(action_values: Tensor, epsilon: Tensor, u: Tensor) -> Tensor:
     where it lies between ε and 1 picks among the best.
 
     Args:
-        action_values: ``[candidates, runs]``.
-        epsilon: ``[runs]``, in [0, 1].
-        u: uniform in [0, 1), ``[runs]``.
+        action_values: ``[candidates, *runs]``.
+        epsilon: ``[*runs]``, in [0, 1].
+        u: uniform in [0, 1), ``[*runs]``.
 
     Returns:
-        The index of each run's choice, int64 ``[runs]``.
+        The index of each run's choice, int64 ``[*runs]``.
     """
     explore = u < epsilon
     best = action_values == action_values.amax(0)

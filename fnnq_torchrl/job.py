@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from fnnq_torchrl.checkpoint import save_checkpoint
-from fnnq_torchrl.config import Config, ConfigError
+from fnnq_torchrl.config import Config, OutOfRange
 from fnnq_torchrl.figures import learning_curve
 from fnnq_torchrl.report import Progress, print_summary
 from fnnq_torchrl.results import summarise, write_evaluations, write_summary
@@ -20,11 +20,10 @@ def run_job(config: Config, directory: Path) -> None:
     ``summary.json`` in the directory, and a table on the screen.
 
     Raises:
-        ConfigError: the device isn't there.
+        OutOfRange: the device isn't there.
         OSError: a file can't be written.
     """
-    if config.device != "cpu" and not torch.cuda.is_available():
-        raise ConfigError(f"device={config.device}: must be cpu, this machine has no CUDA device")
+    _check_device(config.machine.device)
     trainer = Trainer(config)
     with Progress(trainer.situations_to_learn, "learning") as progress:
         trainer.learn(progress.update)
@@ -40,3 +39,10 @@ def run_job(config: Config, directory: Path) -> None:
     summary = summarise(outcome)
     write_summary(directory / "summary.json", summary)
     print_summary(summary, picture)
+
+
+def _check_device(device: str) -> None:
+    _, _, index = device.partition("cuda:")
+    if device != "cpu" and torch.cuda.device_count() <= int(index or 0):
+        found = torch.cuda.device_count()
+        raise OutOfRange("machine.device", device, f"there: this machine has {found} CUDA devices")

@@ -4,6 +4,7 @@ Runs-last, sums over rules and candidates unroll into a few vectorised loops ove
 TensorDict faces move the dimension at their edge: a view, it costs nothing.
 """
 
+import torch
 from torch import Tensor
 
 
@@ -20,3 +21,20 @@ def runs_first(tensor: Tensor) -> Tensor:
 def per_run(tensor: Tensor) -> Tensor:
     """A number of each run, ``[runs, 1]``, as ``[runs]``; a number shared by all stays as it is."""
     return tensor.squeeze(-1)
+
+
+def run_numbers(name: str, value: Tensor | float, like: Tensor) -> Tensor:
+    """A hyper-parameter as a tensor.
+
+    Args:
+        name: what to call it if it is refused.
+        value: one number for all runs, or one per run, ``[runs, 1]``.
+        like: whose dtype and device it gets.
+
+    Raises:
+        ValueError: it has another shape.
+    """
+    numbers = torch.as_tensor(value, dtype=like.dtype, device=like.device)
+    if numbers.ndim != 0 and (numbers.ndim != 2 or numbers.shape[1] != 1):
+        raise ValueError(f"{name} must be one number or [runs, 1], got {list(numbers.shape)}")
+    return numbers

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -11,8 +11,11 @@ from torch import Tensor, nn
 from torchrl.objectives import LossModule
 
 from fnnq_torchrl import qlambda
-from fnnq_torchrl.layout import per_run, runs_first, runs_last
+from fnnq_torchrl.layout import per_run, run_numbers, runs_first, runs_last
 from fnnq_torchrl.values import ValueNetwork
+
+if TYPE_CHECKING:  # it imports all of TorchRL's collectors
+    from torchrl.trainers import Trainer
 
 Weights = Mapping[str, Tensor]
 
@@ -55,8 +58,8 @@ class PengQLambdaLoss(LossModule):
     def __init__(self, value_network: ValueNetwork, gamma: Tensor | float) -> None:
         super().__init__()
         self.value_network = value_network
-        dtype = value_network.candidates.dtype
-        self.register_buffer("gamma", torch.as_tensor(gamma, dtype=dtype))
+        candidates = value_network.candidates
+        self.register_buffer("gamma", run_numbers("gamma", gamma, like=candidates))
 
     def named_parameters(self, *args: Any, **kwargs: Any) -> Iterator[tuple[str, nn.Parameter]]:
         # LossModule's takes no ``remove_duplicate``, with which torch.func.functional_call asks.
@@ -100,7 +103,7 @@ class PengQLambdaLoss(LossModule):
         )
 
 
-def credit(
+def credit_weights(
     trace: Weights,
     gradient: Weights,
     td_error: Tensor,
@@ -142,18 +145,21 @@ class EligibilityTrace:
         losses["loss"].backward()
         optimizer.step()
 
-    or, in TorchRL's Trainer, ``trainer.register_op("process_loss", trace)``.
+    or, in TorchRL's Trainer, ``trace.register(trainer)``.
 
     Args:
         loss: whose value network's weights have the runs as their first dimension.
         lam: λ, one number or one per run, ``[runs, 1]``.
         reading: of step h, ``output`` or ``gradient`` (:func:`fnnq_torchrl.qlambda.step_h_scale`).
+
+    Raises:
+        ValueError: the reading is neither, or λ has another shape.
     """
 
     def __init__(self, loss: PengQLambdaLoss, lam: Tensor | float, reading: str = "output") -> None:
         self.loss = loss
-        self.lam = torch.as_tensor(lam, dtype=loss.gamma.dtype)
-        self.reading = reading
+        self.lam = run_numbers("lam", lam, like=loss.gamma)
+        self.reading = qlambda.check_reading(reading)
         self.trace = {
             name: torch.zeros_like(weight) for name, weight in loss.value_network.named_parameters()
         }
@@ -173,7 +179,7 @@ class EligibilityTrace:
             raise ValueError(f"batch of shape {list(batch.shape)}: must be one step of every run")
         weights = dict(self.loss.value_network.named_parameters())
         slopes = torch.autograd.grad(losses[keys.chosen_action_value].sum(), list(weights.values()))
-        directions, self.trace = credit(
+        directions, self.trace = credit_weights(
             self.trace,
             dict(zip(weights, slopes, strict=True)),
             losses[keys.td_error].view(runs, 1),
@@ -184,3 +190,17 @@ class EligibilityTrace:
         )
         losses["loss"] = -sum((directions[name] * w).sum() for name, w in weights.items())
         return losses
+
+    def register(self, trainer: "Trainer", name: str = "eligibility_trace") -> None:
+        """Have TorchRL's trainer call this after the loss, and keep it in its checkpoints."""
+        trainer.register_op("process_loss", self)
+        trainer.register_module(name, self)
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """The trace, by the weights' names."""
+        return {name: trace.clone() for name, trace in self.trace.items()}
+
+    def load_state_dict(self, state_dict: dict[str, Tensor]) -> None:
+        """Go on from a trace as :meth:`state_dict` gave it."""
+        for name, trace in self.trace.items():
+            trace.copy_(state_dict[name])

@@ -1,12 +1,11 @@
 """The TensorDict face of action selection."""
 
-import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 
 from fnnq_torchrl.exploration import epsilon_greedy
-from fnnq_torchrl.layout import per_run, runs_first, runs_last
+from fnnq_torchrl.layout import per_run, run_numbers
 from fnnq_torchrl.values import ValueNetwork
 
 
@@ -15,7 +14,7 @@ class EpsilonGreedyPolicy(TensorDictModuleBase):
 
     Reads the observations that the network names and ``chance``, a uniform random number of each
     run's own, which every state of a :class:`envs.pure.PureEnv` has. Writes ``action_value``
-    ``[runs, candidates]`` and ``action`` ``[runs, 1]``. A policy like any other for
+    ``[runs, *batch, candidates]`` and ``action`` ``[runs, *batch, 1]``. A policy like any other for
     ``env.rollout`` and TorchRL's collectors.
 
     Args:
@@ -30,13 +29,14 @@ class EpsilonGreedyPolicy(TensorDictModuleBase):
         self.in_keys = [*value_network.in_keys, "chance"]
         self.out_keys = ["action_value", "action"]
         self.value_network = value_network
-        dtype = value_network.candidates.dtype
-        self.register_buffer("epsilon", torch.as_tensor(epsilon, dtype=dtype))
+        candidates = value_network.candidates
+        self.register_buffer("epsilon", run_numbers("epsilon", epsilon, like=candidates))
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         values = self.value_network.values_in(tensordict)
         u = per_run(tensordict["chance"])
-        chosen = epsilon_greedy(runs_last(values), per_run(self.epsilon).expand_as(u), u)
+        epsilon = self.epsilon.reshape(-1, *[1] * (u.ndim - 1)).expand_as(u)
+        chosen = epsilon_greedy(values.movedim(-1, 0), epsilon, u)
         tensordict["action_value"] = values
-        tensordict["action"] = runs_first(self.value_network.candidates[chosen].unsqueeze(0))
+        tensordict["action"] = self.value_network.candidates[chosen].unsqueeze(-1)
         return tensordict

@@ -11,7 +11,7 @@ from envs.pure import PureEnv
 from fnnq_torchrl import qlambda
 from fnnq_torchrl.autograd import gradient
 from fnnq_torchrl.layout import per_run, runs_first, runs_last
-from fnnq_torchrl.loss import PengQLambdaLoss, credit
+from fnnq_torchrl.loss import PengQLambdaLoss, credit_weights
 from fnnq_torchrl.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.values import ValueNetwork
 
@@ -34,6 +34,9 @@ class Program:
         value_network: Q(s, a); its weights are the shape of every run's, its values their start.
         trace: the reading of step h, ``output`` or ``gradient``.
         evaluate_every: situations from one evaluation to the next.
+
+    Raises:
+        ValueError: there is no such reading.
     """
 
     def __init__(
@@ -47,7 +50,7 @@ class Program:
         self.env = env
         self.policy = EpsilonGreedyPolicy(value_network, epsilon=0.0)
         self.loss = PengQLambdaLoss(value_network, gamma=1.0)
-        self.reading = trace
+        self.reading = qlambda.check_reading(trace)
         self.evaluate_every = evaluate_every
 
     def begin(self, run: TensorDictBase) -> TensorDict:
@@ -55,15 +58,15 @@ class Program:
         runs = run.batch_size
         parameters = dict(self.loss.value_network.named_parameters())
         weights = {name: _copy(p.detach()) for name, p in parameters.items()}
-        zero = torch.zeros_like(run["seed"])
+        zero = torch.zeros_like(run["seed"])  # cloned wherever it stands: no entry is an alias
         batch = {"batch_size": runs, "device": run.device}
         return TensorDict(
             {
-                "world": self.env.start(run["seed"], zero),
+                "world": self.env.start(run["seed"].clone(), zero.clone()),
                 "weights": TensorDict(weights, **batch),
                 "trace": TensorDict({k: torch.zeros_like(w) for k, w in weights.items()}, **batch),
                 "alpha": run["alpha"].clone(),
-                "situations": zero,
+                "situations": zero.clone(),
                 "steps": zero.clone(),
                 "snapshot": TensorDict(
                     {
@@ -87,7 +90,7 @@ class Program:
         transition = self.env.step(world)
         after = transition["next"]
         slope, td_error, chosen_td_error = self._slope(state["weights"], run["gamma"], transition)
-        directions, trace = credit(
+        directions, trace = credit_weights(
             state["trace"],
             slope,
             td_error,

@@ -10,6 +10,8 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor
 
+from fnnq_torchrl.config import TRACES
+
 
 def td_errors(
     reward: Tensor,
@@ -41,11 +43,23 @@ def squared_norm(gradient: Iterable[Tensor]) -> Tensor:
     return torch.stack([g.square().flatten(0, -2).sum(0) for g in gradient]).sum(0)
 
 
+def check_reading(reading: str) -> str:
+    """The reading itself.
+
+    Raises:
+        ValueError: there is no such reading.
+    """
+    if reading not in TRACES:
+        raise ValueError(f"trace={reading!r}: must be {' or '.join(TRACES)}")
+    return reading
+
+
 def step_h_scale(gradient: Iterable[Tensor], reading: str) -> Tensor | float:
     """What step h, Tr(s, a) ← Tr(s, a) + 1, adds to the trace, as a multiple of ∇Q(s, a).
 
     * ``output``, the paper to the letter: the trace *network's output* at (s, a) rises by one,
-      which takes ∇Q/‖∇Q‖². (Exactly by one where Q is linear in the weights.)
+      which takes ∇Q/‖∇Q‖². (Exactly by one where Q is linear in the weights; not at all where
+      ∇Q is zero, and nothing can make it.)
     * ``gradient``, today's semi-gradient traces: ∇Q itself.
 
     For a table both are the same.
@@ -57,7 +71,10 @@ def step_h_scale(gradient: Iterable[Tensor], reading: str) -> Tensor | float:
     Returns:
         ``[runs]``, or 1.
     """
-    return 1 / squared_norm(gradient) if reading == "output" else 1.0
+    if reading == "gradient":
+        return 1.0
+    norm = squared_norm(gradient)
+    return torch.where(norm > 0, 1 / norm, 0)
 
 
 def credit(

@@ -8,7 +8,7 @@ from tensordict import TensorDict
 from torch import Tensor
 
 from envs.follow_ball import FollowBall
-from fnnq_torchrl.config import Config, per_run
+from fnnq_torchrl.config import Config, run_columns
 from fnnq_torchrl.evaluation import Evaluation
 from fnnq_torchrl.lanes import pad
 from fnnq_torchrl.layout import runs_first
@@ -31,12 +31,14 @@ class Trainer:
 
     def __init__(self, config: Config) -> None:
         self.config = config
-        self.device = torch.device(config.device)
-        self.dtype: torch.dtype = getattr(torch, config.dtype)
-        columns = {name: self._lanes(name, values) for name, values in per_run(config).items()}
+        self.device = torch.device(config.machine.device)
+        self.dtype: torch.dtype = getattr(torch, config.machine.dtype)
+        columns = {name: self._lanes(name, values) for name, values in run_columns(config).items()}
         self.run = TensorDict(columns, device=self.device).auto_batch_size_(1)
         lanes = len(self.run)
-        candidates = torch.linspace(-1, 1, config.candidates, dtype=self.dtype, device=self.device)
+        candidates = torch.linspace(
+            -1, 1, config.action.candidates, dtype=self.dtype, device=self.device
+        )
         self.program = Program(
             FollowBall(config.env, [lanes], dtype=self.dtype, device=self.device),
             make_value_network(config.value, candidates, lanes),
@@ -57,7 +59,7 @@ class Trainer:
     @torch.no_grad()
     def learn(self, on_progress: OnProgress = lambda done: None) -> None:
         """Step all runs until each has had all its situations."""
-        with threads_for(len(self.run) * self.config.candidates):
+        with threads_for(len(self.run) * self.config.action.candidates):
             self._learn(on_progress)
 
     def _learn(self, on_progress: OnProgress) -> None:
@@ -96,7 +98,7 @@ class Trainer:
         ).auto_batch_size_(1)
         evaluation = Evaluation(self.program.policy, self.config.env, situations)
         catches = evaluation.score(snapshots, on_progress).view(evaluations, runs)
-        columns = per_run(self.config)
+        columns = run_columns(self.config)
         return Outcome(
             seed=torch.tensor(columns["seed"]).numpy(),
             lam=torch.tensor(columns["lam"], dtype=torch.float64).numpy(),

@@ -20,7 +20,7 @@ SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
 def make_runs(config: Config, count: int, **columns: float | Tensor) -> TensorDict:
     """Runs of different seeds with the configuration's values, or the given ones, ``[count]``."""
     values = {key: getattr(config, key) for key in PER_RUN} | {"seed": torch.arange(count)}
-    dtype = getattr(torch, config.dtype)
+    dtype = getattr(torch, config.machine.dtype)
     tensors = {}
     for key, value in (values | columns).items():
         column = torch.as_tensor(value, dtype=torch.int64 if key == "seed" else dtype)
@@ -37,8 +37,8 @@ def make_program(
     config: Config, run: TensorDictBase, network: ValueNetwork | None = None
 ) -> Program:
     """A program of the follow-the-ball world for these runs, by default on the fuzzy network."""
-    dtype = getattr(torch, config.dtype)
-    candidates = torch.linspace(-1, 1, config.candidates, dtype=dtype)
+    dtype = getattr(torch, config.machine.dtype)
+    candidates = torch.linspace(-1, 1, config.action.candidates, dtype=dtype)
     return Program(
         FollowBall(config.env, [len(run)], dtype=dtype),
         network or make_value_network(config.value, candidates, len(run)),

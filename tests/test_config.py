@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 
 from envs.ranges import allowed
 from fnnq_torchrl.compose import config_directory, load_config
-from fnnq_torchrl.config import PER_RUN, Config, ConfigError, UnknownKey, per_run, to_config
+from fnnq_torchrl.config import PER_RUN, Config, ConfigError, UnknownKey, run_columns, to_config
 
 CONF = config_directory()
 CHOICES = [f"{path.parent.name}={path.stem}" for path in sorted(CONF.glob("*/*.yaml"))]
@@ -35,9 +35,6 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "epsilon": 0.1,
         "trace": "output",
         "situations": 200,
-        "candidates": 21,
-        "device": "cpu",
-        "dtype": "float32",
         "env": {
             "time_step_s": 0.1,
             "speed_mps": 0.3,
@@ -58,10 +55,12 @@ def test_the_defaults_are_the_papers_and_spec(default):
             "action": [[-1, 0.4], [-0.4, 0.3], [0.4, 0.3], [1, 0.4]],
             "width": "sigma",
         },
+        "action": {"candidates": 21},
         "evaluation": {
             "every": 5,
             "situations": [[0.8, 0.1], [-0.8, -0.1], [0.4, -0.15], [-0.4, 0.15], [0, 0.12]],
         },
+        "machine": {"device": "cpu", "dtype": "float32"},
     }
 
 
@@ -116,8 +115,8 @@ def test_every_key_has_a_type_and_a_range(default, key):
         ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1"),
         ("evaluation.every=3", "situations=200: must be a whole multiple of evaluation.every=3"),
         ("situations=0", "situations=0: must be a whole number >= 1"),
-        ("candidates=1", "candidates=1: must be a whole number >= 2"),
-        ("device=tpu", "device=tpu: must be cpu, cuda or cuda:N"),
+        ("action.candidates=1", "action.candidates=1: must be a whole number >= 2"),
+        ("machine.device=tpu", "machine.device=tpu: must be cpu, cuda or cuda:N"),
         ("~lam", "lam=???: must be a number in [0, 1]"),
         ("lam=${nowhere}", "lam: Interpolation key 'nowhere' not found"),
         ("lam=[", "lam=[: can't be read as key=value"),
@@ -143,7 +142,7 @@ def test_a_mistake_is_one_line(override, line):
 
 
 def test_the_last_seed_fits_63_bits(default):
-    assert per_run(load_config(f"seed={2**63 - 2}", "num_seeds=2"))["seed"][-1] == 2**63 - 1
+    assert run_columns(load_config(f"seed={2**63 - 2}", "num_seeds=2"))["seed"][-1] == 2**63 - 1
     with pytest.raises(ConfigError, match=f"^seed={2**63 - 1}: must be at most {2**63 - 2}"):
         replace(default, seed=2**63 - 1, num_seeds=2)
 
@@ -153,8 +152,8 @@ def test_a_config_is_checked_when_it_is_made(default):
         replace(default, lam=1.5)
 
 
-def test_per_run_columns(default):
-    columns = per_run(replace(default, seed=3, num_seeds=4))
+def test_the_columns_of_the_runs(default):
+    columns = run_columns(replace(default, seed=3, num_seeds=4))
     assert tuple(columns) == PER_RUN
     assert columns.pop("seed") == [3, 4, 5, 6]
     assert columns == {key: [getattr(default, key)] * 4 for key in columns}

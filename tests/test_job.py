@@ -8,10 +8,19 @@ import torch
 from envs.world import World
 from fnnq_torchrl.checkpoint import load_checkpoint
 from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.config import Config, ConfigError, EvaluationConfig, FNNQConfig
+from fnnq_torchrl.config import (
+    ActionConfig,
+    Config,
+    ConfigError,
+    EvaluationConfig,
+    FNNQConfig,
+    MachineConfig,
+)
 from fnnq_torchrl.job import run_job
 from fnnq_torchrl.results import read_evaluations
 from fnnq_torchrl.trainer import Trainer
+
+SCHEMAS = (Config, World, FNNQConfig, ActionConfig, EvaluationConfig, MachineConfig)
 
 
 def test_a_job_leaves_its_files_and_says_where(tmp_path, capsys):
@@ -47,15 +56,15 @@ def test_a_job_is_the_same_every_time(tmp_path):
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
 def test_a_missing_device_is_told(tmp_path):
-    with pytest.raises(ConfigError, match=r"^device=cuda: .*no CUDA"):
-        run_job(load_config("device=cuda"), tmp_path)
+    with pytest.raises(ConfigError, match=r"^machine.device=cuda: .* 0 CUDA"):
+        run_job(load_config("machine=cuda"), tmp_path)
     assert not list(tmp_path.iterdir())
 
 
 def test_every_key_is_read_by_something(monkeypatch):
     config = load_config("situations=5")
     read = set()
-    for schema in (Config, World, FNNQConfig, EvaluationConfig):
+    for schema in SCHEMAS:
 
         def recording(self, name, schema=schema):
             if name in schema.__dataclass_fields__:
@@ -67,5 +76,4 @@ def test_every_key_is_read_by_something(monkeypatch):
     trainer.learn()
     trainer.evaluate()
 
-    schemas = (Config, World, FNNQConfig, EvaluationConfig)
-    assert read == {(schema, name) for schema in schemas for name in schema.__dataclass_fields__}
+    assert read == {(schema, name) for schema in SCHEMAS for name in schema.__dataclass_fields__}

@@ -251,7 +251,7 @@ def test_after_step_h_the_trace_networks_output_has_risen_by_exactly_one(
 def test_with_sgd_the_hook_learns_what_the_program_learns(
     make_network: Callable[[], ValueNetwork], reading: str
 ) -> None:
-    settings = config(f"trace={reading}", "alpha_decay=1", "dtype=float64")
+    settings = config(f"trace={reading}", "alpha_decay=1", "machine.dtype=float64")
     run = make_runs(settings, RUNS, lam=real(0.0, 0.2, 0.8, 1.0), gamma=real(0.95, 0.9, 0.8, 1.0))
     network = fill(make_network(), seed=1)
     program = make_program(settings, run, network)
@@ -380,7 +380,7 @@ def test_the_hook_works_in_torchrls_trainer() -> None:
     from torchrl.collectors import Collector
     from torchrl.trainers import Trainer
 
-    settings = config("dtype=float64", "alpha_decay=1", "lam=0.8")
+    settings = config("machine.dtype=float64", "alpha_decay=1", "lam=0.8")
     run = make_runs(settings, RUNS)
     expected = advance(make_program(settings, run), run, STEPS)["weights", "weight"]
 
@@ -401,7 +401,7 @@ def test_the_hook_works_in_torchrls_trainer() -> None:
         clip_grad_norm=False,
         progress_bar=False,
     )
-    trainer.register_op("process_loss", EligibilityTrace(loss, settings.lam))
+    EligibilityTrace(loss, settings.lam).register(trainer)
     trainer.train()
     torch.testing.assert_close(network.weight.detach(), expected, rtol=1e-9, atol=1e-11)
 
@@ -416,3 +416,28 @@ def test_the_loss_is_a_sum_over_runs_and_trains_q_not_its_target(episodes: Tenso
     (slope,) = torch.autograd.grad(losses["loss"], [network.weight], retain_graph=True)
     (gradient,) = torch.autograd.grad(losses["chosen_action_value"].sum(), [network.weight])
     torch.testing.assert_close(slope, -errors.unsqueeze(-1) * gradient)
+
+
+def test_the_trace_can_be_saved(episodes: TensorDict) -> None:
+    network = fill(fnn())
+    loss = PengQLambdaLoss(network, GAMMA)
+    saved, other = EligibilityTrace(loss, 0.8), EligibilityTrace(loss, 0.8)
+    saved(episodes[:, 0], loss(episodes[:, 0]))
+    other.load_state_dict(saved.state_dict())
+    losses = [trace(episodes[:, 1], loss(episodes[:, 1]))["loss"] for trace in (saved, other)]
+    assert torch.equal(*losses)
+    assert torch.equal(saved.trace["weight"], other.trace["weight"])
+
+
+def test_there_is_no_third_reading() -> None:
+    with pytest.raises(ValueError, match="'ouput': must be output or gradient"):
+        EligibilityTrace(PengQLambdaLoss(fnn(), GAMMA), 0.8, "ouput")
+
+
+@pytest.mark.parametrize("shape", [(RUNS,), (1, RUNS), (RUNS, 1, 1)])
+def test_numbers_per_run_have_one_shape(shape: tuple[int, ...]) -> None:
+    numbers = torch.full(shape, 0.5)
+    with pytest.raises(ValueError, match=r"^gamma must be one number or \[runs, 1\], got"):
+        PengQLambdaLoss(fnn(), numbers)
+    with pytest.raises(ValueError, match=r"^lam must be"):
+        EligibilityTrace(PengQLambdaLoss(fnn(), GAMMA), numbers)

@@ -70,3 +70,19 @@ def test_it_names_what_it_reads_and_writes(network: FNNQValue) -> None:
     policy = EpsilonGreedyPolicy(network, EPSILON)
     state = FollowBall(config().env, [5], dtype=torch.float64).reset().select(*policy.in_keys)
     assert set(policy(state).keys()) == {*policy.in_keys, *policy.out_keys}
+
+
+@pytest.mark.parametrize("batch_size", [(1,), (3,), (21,), (5, 3), (1, 21)])
+def test_it_drives_batches_of_any_shape(batch_size: tuple[int, ...]) -> None:
+    network = make_value_network(config().value, CANDIDATES, runs=1)
+    env = FollowBall(config().env, batch_size, dtype=torch.float64)
+    with torch.no_grad():
+        history = env.rollout(3, EpsilonGreedyPolicy(network, 0.5))
+    assert history["action"].shape == (*batch_size, 3, 1)
+    assert torch.isin(history["action"], CANDIDATES).all()
+
+
+def test_a_batch_without_runs_is_refused(network: FNNQValue) -> None:
+    state = FollowBall(config().env, (), dtype=torch.float64).reset()
+    with pytest.raises(ValueError, match=r"batch_size=\[1\]"):
+        EpsilonGreedyPolicy(network, 0.5)(state)

@@ -137,3 +137,30 @@ def test_alpha_decays_after_a_catch_only_and_situations_are_counted() -> None:
         seen["catch"] += int(caught.sum())
         seen["miss"] += int(ended.sum() - caught.sum())
     assert min(seen.values()) > 0
+
+
+def test_no_two_entries_of_the_first_state_share_memory() -> None:
+    run = make_runs(config(), 2)
+    state = make_program(config(), run).begin(run)
+    leaves = [*state.values(include_nested=True, leaves_only=True), *run.values()]
+    assert len({leaf.data_ptr() for leaf in leaves}) == len(leaves)
+
+
+def test_a_step_traces_whole() -> None:
+    """What a compiled loop is made of: TensorDicts built inside, from plain tensors."""
+    run = make_runs(config("machine.dtype=float64"), 3)
+    program = make_program(config("machine.dtype=float64"), run)
+    state = advance(program, run, 11)  # a catch is just behind one of the runs
+    flat = state.flatten_keys("/")
+
+    def step(leaves: dict[str, torch.Tensor], stays: dict[str, torch.Tensor]) -> dict:
+        before = TensorDict(leaves, [3]).unflatten_keys("/")
+        return program.step(TensorDict(stays, [3]), before).flatten_keys("/").to_dict()
+
+    with torch.no_grad():
+        compiled = torch.compile(step, fullgraph=True, backend="aot_eager")
+        traced = compiled(flat.to_dict(), run.to_dict())
+        expected = program.step(run, state).flatten_keys("/")
+    assert traced.keys() == set(expected.keys())
+    for key, value in expected.items():
+        torch.testing.assert_close(traced[key], value, rtol=1e-12, atol=1e-14)

@@ -71,3 +71,8 @@ def test_one_step_of_credit_by_hand() -> None:
 def test_the_step_size_decays_after_a_positive_reward_only() -> None:
     alpha = decayed_step_size(real(0.4, 0.4, 0.4), real(0.99, 0.99, 0.5), real(-0.5, 0.0, 1.0))
     assert torch.equal(alpha, real(0.4, 0.4, 0.2))
+
+
+def test_where_nothing_can_raise_the_output_nothing_is_added() -> None:
+    flat_for_the_first_run = [real(0.0, 3.0).unsqueeze(0), real(0.0, 4.0).unsqueeze(0)]
+    assert torch.equal(step_h_scale(flat_for_the_first_run, "output"), real(0.0, 1 / 25))

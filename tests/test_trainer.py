@@ -130,7 +130,7 @@ def default_weights() -> Tensor:
     [
         {"lam": 0.8},
         {"trace": "gradient"},
-        {"candidates": 5},
+        {"action": replace(SETTINGS.action, candidates=5)},
         {"value": replace(SETTINGS.value, width="variance")},
         {"env": replace(SETTINGS.env, speed_mps=0.29)},
     ],
@@ -143,4 +143,4 @@ def test_the_configuration_reaches_the_learner(
 
 
 def test_double_precision() -> None:
-    assert learned(dtype="float64").dtype == torch.float64
+    assert learned(machine=replace(SETTINGS.machine, dtype="float64")).dtype == torch.float64

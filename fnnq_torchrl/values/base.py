@@ -34,6 +34,14 @@ class ValueNetwork(nn.Module, ABC):
         """
 
     def values_in(self, state: TensorDictBase, action: Tensor | None = None) -> Tensor:
-        """Q in the state that a TensorDict describes; the rest as in :meth:`forward`."""
+        """Q in the state that a TensorDict describes; the rest as in :meth:`forward`.
+
+        Raises:
+            ValueError: the TensorDict has no dimension of runs.
+        """
+        if state.ndim == 0:
+            raise ValueError(
+                "a value network needs a batch of runs: batch_size=[1] for a single one"
+            )
         values: Tensor = self(*(state[key] for key in self.in_keys), action=action)
         return values
