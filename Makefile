@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install run test bench lint format clean
+.PHONY: help install run test test-wheel bench lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' Makefile
@@ -17,6 +17,13 @@ run: install  ## train 22 runs with λ = 0.2
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q
+
+test-wheel: install  ## build the wheel, install it in an empty environment and train from another directory
+	rm -rf dist && $(BIN)/python -m hatchling build -t wheel
+	rm -rf dist/empty && $(PYTHON) -m venv dist/empty
+	dist/empty/bin/python -m pip install -qq -c constraints.txt dist/*.whl
+	mkdir dist/elsewhere && cd dist/elsewhere && ../empty/bin/python -m fnnq_torchrl.train situations=5 num_seeds=2
+	test -f dist/elsewhere/outputs/*/summary.json
 
 bench: install  ## measure the figures of the README
 	$(BIN)/python benchmarks/command.py

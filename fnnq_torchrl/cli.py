@@ -25,7 +25,8 @@ def command(job: Callable[[Config, Path], None]) -> Callable[[], None]:
     """Makes a job a command.
 
     A mistake in the configuration, or any `ConfigError` of the job, is one line on stderr and exit
-    status 2; Ctrl-C is status 130; every other exception keeps its traceback. A user who sets
+    status 2; a file that can't be read or written is one line and status 1; Ctrl-C is status 130;
+    every other exception keeps its traceback. A user who sets
     HYDRA_FULL_ERROR=1 gets Hydra's own errors with theirs.
 
     Args:
@@ -56,6 +57,10 @@ def command(job: Callable[[Config, Path], None]) -> Callable[[], None]:
                 application()
         except (HydraException, OmegaConfBaseException) as error:
             _leave(2, str(explain(error, sys.argv[1:])))
+        except OSError as error:
+            if error.filename is None:
+                raise
+            _leave(1, f"{error.filename}: {error.strerror}")
         except KeyboardInterrupt:
             _leave(130, "interrupted")
 

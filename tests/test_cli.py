@@ -133,6 +133,15 @@ def test_ctrl_c_is_one_line(run):
     assert run(job=job) == (130, "interrupted\n", [])
 
 
+def test_a_file_that_cant_be_written_is_one_line(run):
+    def job(config, directory):
+        (directory / "nowhere" / "summary.json").write_text("")
+
+    status, stderr, _ = run(job=job)
+    assert (status, stderr.count("\n")) == (1, 1)
+    assert stderr.endswith("summary.json: No such file or directory\n")
+
+
 def test_a_bug_keeps_its_traceback(run):
     def job(config, directory):
         raise ZeroDivisionError("a bug")

@@ -332,7 +332,7 @@ def test_a_run_alone_equals_the_same_run_in_any_batch(dtype, world, follow):
     """Bit for bit, in full lanes, whoever is reset beside it, and when."""
     alone = play(FollowBall(world, [LANES], seed=pad(torch.tensor([77])), dtype=dtype), follow, 200)
     assert alone["episode"].max() >= 3
-    for count, lane in ((22, 0), (40, 17), (96, 95)):
+    for count, lane in ((40, 17), (96, 95)):
         seeds = 1000 + torch.arange(count)
         seeds[lane] = 77
         seeds = pad(seeds)
@@ -354,11 +354,11 @@ def test_situations_start_the_same_whatever_happened_before(world, follow, wande
     starts: dict[tuple[int, int], TensorDictBase] = {}
     for policy in (follow, wander):
         env.set_seed(0)
-        history = play(env, policy, 300).select(*STATE, *SEEN, *WHEN)
+        history = play(env, policy, 150).select(*STATE, *SEEN, *WHEN)
         for start in history[history["step"][..., 0] == 0].unbind(0):
             when = int(start["seed"]), int(start["episode"])
             assert (starts.setdefault(when, start) == start).all()
-    for episode in range(3):
+    for episode in range(2):
         number = torch.full((LANES, 1), episode)
         for start in env.start(torch.arange(LANES).unsqueeze(-1), number).unbind(0):
             assert (starts[int(start["seed"]), episode] == start).all()
