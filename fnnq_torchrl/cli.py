@@ -43,6 +43,8 @@ def command(job: Callable[[Config, Path], None]) -> Callable[[], None]:
             job(to_config(node), Path(HydraConfig.get().runtime.output_dir))
         except ConfigError as error:  # Hydra would go on with the sweep and add a line of its own
             _leave(2, str(error))
+        except OSError as error:
+            _leave_over_a_file(error)
 
     application = hydra.main(
         version_base=VERSION_BASE, config_path=str(config_directory()), config_name="config"
@@ -58,9 +60,7 @@ def command(job: Callable[[Config, Path], None]) -> Callable[[], None]:
         except (HydraException, OmegaConfBaseException) as error:
             _leave(2, str(explain(error, sys.argv[1:])))
         except OSError as error:
-            if error.filename is None:
-                raise
-            _leave(1, f"{error.filename}: {error.strerror}")
+            _leave_over_a_file(error)
         except KeyboardInterrupt:
             _leave(130, "interrupted")
 
@@ -70,6 +70,12 @@ def command(job: Callable[[Config, Path], None]) -> Callable[[], None]:
 def _leave(status: int, message: str) -> NoReturn:
     sys.stderr.write(" ".join(message.split()) + "\n")
     sys.exit(status)
+
+
+def _leave_over_a_file(error: OSError) -> NoReturn:
+    if error.filename is None:  # no file's fault
+        raise error
+    _leave(1, f"{error.filename}: {error.strerror}")
 
 
 def fresh_directory(path: str) -> str:
