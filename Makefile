@@ -8,7 +8,7 @@ STAMP := $(VENV)/installed
 .PHONY: help install run test test-wheel bench lint format clean
 
 help:  ## list these targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' Makefile
 
 install: $(STAMP)  ## everything into .venv, at the versions of constraints.txt (PYTHON=… picks the interpreter)
 
@@ -20,7 +20,7 @@ test: install  ## the test suite
 
 test-wheel: install  ## build the wheel, install it in an empty environment and train from another directory
 	rm -rf dist && $(BIN)/python -m hatchling build -t wheel
-	rm -rf dist/empty && $(PYTHON) -m venv dist/empty
+	$(PYTHON) -m venv dist/empty
 	dist/empty/bin/python -m pip install -qq -c constraints.txt dist/*.whl
 	mkdir dist/elsewhere && cd dist/elsewhere && ../empty/bin/python -m fnnq_torchrl.train situations=5 num_seeds=2
 	test -f dist/elsewhere/outputs/*/summary.json
@@ -37,8 +37,8 @@ format: install  ## rewrite the code as ruff would have it
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-clean:  ## remove .venv and caches, never outputs/
-	rm -rf $(VENV) .hypothesis .mypy_cache .pytest_cache .ruff_cache
+clean:  ## remove .venv, dist and caches, never outputs/
+	rm -rf $(VENV) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 # The pins hold for build backends too: from pip 25.3 on they have a variable of their own.
 $(STAMP): export PIP_CONSTRAINT := constraints.txt

@@ -4,8 +4,9 @@ Every draw is a hash of the run's seed and of the episode, the step and the stre
 so a run's random numbers are the same alone, in any batch, in any order and on any device, and
 there is no generator state to save.
 
-The hash is SplitMix64, whose n-th output mix(key + n·γ) needs no n − 1 outputs before it: an eighth
-of the arithmetic of a Philox, and in a learning step of twenty weights that counts.
+The hash is SplitMix64, whose n-th output mix(key + n·γ) needs no n − 1 outputs before it. A draw
+takes less than half of the tensor operations of a Philox-4x32-10, which count in a learning step of
+twenty weights.
 
 Source: G. L. Steele, D. Lea, C. H. Flood, "Fast splittable pseudorandom number generators",
 OOPSLA'14, with the mixing function that they took from Java 8.
@@ -58,9 +59,9 @@ def _shift(z: Tensor, bits: int) -> Tensor:
 def draw(seed: Tensor, episode: Tensor, step: Tensor, stream: Stream) -> Words:
     """Four random 32-bit words of a run, at a step of one of its episodes.
 
-    Generators seed generators: a run's seed counts the outputs of a first one, each of which keys
-    one whose outputs key the run's episodes; every step has two outputs of its episode's generator
-    for each stream.
+    Generators key generators. The outputs of a first one are the keys of the runs' (the seed says
+    which output), theirs are the keys of the episodes', and of these every step has two outputs for
+    each stream.
 
     Args:
         seed: the runs' seeds, int64 in [0, 2⁶³), any shape.

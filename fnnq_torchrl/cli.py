@@ -26,8 +26,8 @@ def command(job: Callable[[Config, Path], None]) -> Callable[[], None]:
 
     A mistake in the configuration, or any `ConfigError` of the job, is one line on stderr and exit
     status 2; a file that can't be read or written is one line and status 1; Ctrl-C is status 130;
-    every other exception keeps its traceback. A user who sets
-    HYDRA_FULL_ERROR=1 gets Hydra's own errors with theirs.
+    every other exception keeps its traceback. A user who sets HYDRA_FULL_ERROR=1 gets Hydra's own
+    errors with theirs.
 
     Args:
         job: takes the configuration and the directory, which exists, for what it writes.

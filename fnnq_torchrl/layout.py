@@ -23,6 +23,16 @@ def per_run(tensor: Tensor) -> Tensor:
     return tensor.squeeze(-1)
 
 
+def over_batch(numbers: Tensor, like: Tensor) -> Tensor:
+    """A number of each run, ``[runs, 1]``, or of all, to broadcast with ``[runs, *batch]``.
+
+    Args:
+        numbers: ``[runs, 1]`` or a single one.
+        like: what it is to broadcast with, at least one dimension.
+    """
+    return numbers.reshape(-1, *[1] * (like.ndim - 1))
+
+
 def run_numbers(name: str, value: Tensor | float, like: Tensor) -> Tensor:
     """A hyper-parameter as a tensor.
 

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from torchrl.objectives import LossModule
 
 from fnnq_torchrl import qlambda
-from fnnq_torchrl.layout import per_run, run_numbers, runs_first, runs_last
+from fnnq_torchrl.layout import over_batch, per_run, run_numbers, runs_first, runs_last
 from fnnq_torchrl.values import ValueNetwork
 
 if TYPE_CHECKING:  # it imports all of TorchRL's collectors
@@ -90,7 +90,7 @@ class PengQLambdaLoss(LossModule):
                 tensordict[keys.action_value].amax(-1, keepdim=True),
                 chosen_value,
                 values_in(after).amax(-1, keepdim=True),
-                self.gamma.reshape(-1, *[1] * tensordict.ndim),
+                over_batch(self.gamma, like=chosen_value),
             )
         target = chosen_td_error + chosen_value.detach()
         return TensorDict(

@@ -5,7 +5,7 @@ from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 
 from fnnq_torchrl.exploration import epsilon_greedy
-from fnnq_torchrl.layout import per_run, run_numbers
+from fnnq_torchrl.layout import over_batch, per_run, run_numbers
 from fnnq_torchrl.values import ValueNetwork
 
 
@@ -35,7 +35,7 @@ class EpsilonGreedyPolicy(TensorDictModuleBase):
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         values = self.value_network.values_in(tensordict)
         u = per_run(tensordict["chance"])
-        epsilon = self.epsilon.reshape(-1, *[1] * (u.ndim - 1)).expand_as(u)
+        epsilon = over_batch(self.epsilon, like=u).expand_as(u)
         chosen = epsilon_greedy(values.movedim(-1, 0), epsilon, u)
         tensordict["action_value"] = values
         tensordict["action"] = self.value_network.candidates[chosen].unsqueeze(-1)

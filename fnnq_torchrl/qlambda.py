@@ -70,8 +70,11 @@ def step_h_scale(gradient: Iterable[Tensor], reading: str) -> Tensor | float:
 
     Returns:
         ``[runs]``, or 1.
+
+    Raises:
+        ValueError: there is no such reading.
     """
-    if reading == "gradient":
+    if check_reading(reading) == "gradient":
         return 1.0
     norm = squared_norm(gradient)
     return torch.where(norm > 0, 1 / norm, 0)

@@ -1,3 +1,4 @@
+import pytest
 import torch
 from torch import Tensor
 
@@ -76,3 +77,8 @@ def test_the_step_size_decays_after_a_positive_reward_only() -> None:
 def test_where_nothing_can_raise_the_output_nothing_is_added() -> None:
     flat_for_the_first_run = [real(0.0, 3.0).unsqueeze(0), real(0.0, 4.0).unsqueeze(0)]
     assert torch.equal(step_h_scale(flat_for_the_first_run, "output"), real(0.0, 1 / 25))
+
+
+def test_the_pure_function_knows_no_third_reading() -> None:
+    with pytest.raises(ValueError, match="'ouput': must be output or gradient"):
+        step_h_scale([real(1.0).unsqueeze(0)], "ouput")
