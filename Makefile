@@ -3,9 +3,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
+JAX := benchmarks/.jax
 
 .DEFAULT_GOAL := help
-.PHONY: help install run test test-wheel bench lint format clean
+.PHONY: help install run test test-wheel bench bench-jax agreement lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' Makefile
@@ -25,8 +26,15 @@ test-wheel: install  ## build the wheel, install it in an empty environment and 
 	mkdir dist/elsewhere && cd dist/elsewhere && ../empty/bin/python -m fnnq_torchrl.train situations=5 num_seeds=2
 	test -f dist/elsewhere/outputs/*/summary.json
 
-bench: install  ## measure the figures of the README
+bench: install  ## measure the figures of the README and docs/performance.md (SPEED=--large: 100,000 runs too)
+	-@$(MAKE) --no-print-directory bench-jax
 	$(BIN)/python benchmarks/command.py
+	$(BIN)/python benchmarks/speed.py --write docs/performance.md $(SPEED)
+
+agreement: install  ## do 2,000 runs learn the same, eager and compiled? Takes minutes
+	$(BIN)/python benchmarks/agreement.py
+
+bench-jax: $(JAX)/installed  ## an environment of its own for the JAX yardstick, which bench does without if it must
 
 lint: install  ## ruff and mypy
 	$(BIN)/ruff check
@@ -48,4 +56,9 @@ $(STAMP): pyproject.toml constraints.txt
 	@echo "Installing into $(VENV): some minutes the first time, torch is large"
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install -qq -e '.[dev]'
+	@touch $@
+
+$(JAX)/installed: benchmarks/jax-requirements.txt
+	@$(PYTHON) -m venv $(JAX)
+	@$(JAX)/bin/python -m pip install -qq -r $<
 	@touch $@

@@ -4,36 +4,45 @@ python benchmarks/command.py [repetitions]
 """
 
 import json
-import subprocess
 import sys
 import tempfile
-import time
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
 from machine import describe_machine
+from watched import run_watched
 
-COMMAND = [sys.executable, "-m", "fnnq_torchrl.train", "lam=0.2", "num_seeds=22"]
+PARTS = ("train_seconds", "compile_seconds", "evaluate_seconds")
 
 
-def measure() -> dict[str, float]:
-    """Seconds of one run of the command: the whole, and its parts as the job itself counts them."""
+@dataclass(frozen=True)
+class CommandRun:
+    seconds: dict[str, float]  # the whole, and its parts as the job itself counts them
+    peak_bytes: int
+
+
+def train_command(runs: int) -> list[str]:
+    return ["-m", "fnnq_torchrl.train", "lam=0.2", f"num_seeds={runs}"]
+
+
+def measure(runs: int, environment: Mapping[str, str] | None = None) -> CommandRun:
+    """One run of the command, with variables of the environment besides our own."""
     with tempfile.TemporaryDirectory() as directory:
-        start = time.perf_counter()
-        subprocess.run(
-            [*COMMAND, f"hydra.run.dir={directory}/job"], check=True, capture_output=True
-        )
-        whole = time.perf_counter() - start
+        command = [sys.executable, *train_command(runs), f"hydra.run.dir={directory}/job"]
+        finished = run_watched(command, environment)
         summary = json.loads(Path(directory, "job", "summary.json").read_text())
-    parts = {key: summary[key] for key in ("train_seconds", "evaluate_seconds")}
-    return {"whole command": whole, **parts}
+    parts = {key: summary[key] for key in PARTS}
+    return CommandRun({"whole command": finished.seconds, **parts}, finished.peak_bytes)
 
 
 def main() -> None:
     repetitions = int(sys.argv[1]) if len(sys.argv) > 1 else 3
-    samples = [measure() for _ in range(repetitions)]
+    samples = [measure(runs=22).seconds for _ in range(repetitions)]
     print(describe_machine())
-    print(f"{' '.join(COMMAND[1:])}: seconds, median of {repetitions} (fastest to slowest)")
+    command = " ".join(train_command(runs=22))
+    print(f"{command}: seconds, median of {repetitions} (fastest to slowest)")
     for key in samples[0]:
         values = sorted(sample[key] for sample in samples)
         print(f"  {key:18} {median(values):6.1f} ({values[0]:.1f} to {values[-1]:.1f})")

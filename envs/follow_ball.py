@@ -91,10 +91,17 @@ class FollowBall(PureEnv):
         way_m = world.circle_radius_m - world.catch_distance_m
         return min(world.time_limit_steps, max(1, math.floor(way_m / stride_m)))
 
-    def start(self, seed: Tensor, episode: Tensor) -> TensorDict:
+    def start(self, seed: Tensor, episode: Tensor, situations: Tensor | None = None) -> TensorDict:
+        """The first state of an episode.
+
+        Args:
+            seed, episode: int64 ``[*batch_size, 1]``.
+            situations: starts of the ball, ``[*batch_size, 2]``, instead of the environment's own.
+        """
         world = self.world
+        situations = self.situations if situations is None else situations
         words = streams.draw(seed, episode, torch.zeros_like(episode), Stream.START)
-        if self.situations is None:
+        if situations is None:
             angle_rad, speed_radps = ball.random_start(
                 words[0],
                 words[1],
@@ -103,12 +110,13 @@ class FollowBall(PureEnv):
                 self.dtype,
             )
         else:
-            angle_rad, speed_radps = self.situations.clone().split(1, -1)
+            angle_rad, speed_radps = situations.clone().split(1, -1)
         pose = {key: torch.zeros_like(angle_rad) for key in ("x_m", "y_m", "heading_rad")}
         rolling = {"ball_angle_rad": angle_rad, "ball_speed_radps": speed_radps}
         when = {"seed": seed, "episode": episode, "step": torch.zeros_like(episode)}
         state = pose | rolling | when
-        state["bearing"], *_ = self._look(state, words[2:])
+        # From the circle's centre, a ball at φ is seen in the direction φ.
+        state["bearing"] = self._look(angle_rad, 0, words[2:])
         state["chance"] = streams.spare_uniform((words[0], words[2], words[3]), self.dtype)
         return self.pack(state)
 
@@ -129,7 +137,10 @@ class FollowBall(PureEnv):
         )
         state["step"] = state["step"] + 1
         words = streams.draw(state["seed"], state["episode"], state["step"], Stream.STEP)
-        state["bearing"], east_m, north_m = self._look(state, words[:2])
+        ball_x_m, ball_y_m = ball.position(state["ball_angle_rad"], world.circle_radius_m)
+        east_m, north_m = ball_x_m - state["x_m"], ball_y_m - state["y_m"]
+        direction_rad = torch.atan2(north_m, east_m)
+        state["bearing"] = self._look(direction_rad, state["heading_rad"], words[:2])
         state["chance"] = streams.uniform(words[2], self.dtype)
         state["reward"], state["terminated"] = outcome.judge(
             east_m,
@@ -144,14 +155,12 @@ class FollowBall(PureEnv):
         return self.pack(state)
 
     def _look(
-        self, state: dict[str, Tensor], noise_words: tuple[Tensor, Tensor]
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """The ball's bearing as seen, and its true place relative to the robot (east, north)."""
-        world = self.world
-        ball_x_m, ball_y_m = ball.position(state["ball_angle_rad"], world.circle_radius_m)
-        east_m, north_m = ball_x_m - state["x_m"], ball_y_m - state["y_m"]
-        noise_rad = world.bearing_noise_rad * streams.normal(*noise_words, self.dtype)
-        seen_rad = vision.bearing(
-            east_m, north_m, state["heading_rad"], noise_rad, world.field_of_view_rad
-        )
-        return seen_rad, east_m, north_m
+        self,
+        direction_rad: Tensor,
+        heading_rad: Tensor | float,
+        noise_words: tuple[Tensor, Tensor],
+    ) -> Tensor:
+        """The bearing of a ball in that direction, as seen."""
+        noise_rad = self.world.bearing_noise_rad * streams.normal(*noise_words, self.dtype)
+        view_rad = self.world.field_of_view_rad
+        return vision.bearing(direction_rad, heading_rad, noise_rad, view_rad)

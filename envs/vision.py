@@ -12,11 +12,7 @@ def wrap(angle_rad: Tensor) -> Tensor:
 
 
 def bearing(
-    east_m: Tensor,
-    north_m: Tensor,
-    heading_rad: Tensor,
-    noise_rad: Tensor,
-    field_of_view_rad: float,
+    direction_rad: Tensor, heading_rad: Tensor | float, noise_rad: Tensor, field_of_view_rad: float
 ) -> Tensor:
     """The angle Δθ from the robot's heading to the ball, as the head reports it.
 
@@ -24,13 +20,13 @@ def bearing(
     it is reported at the edge on its side.
 
     Args:
-        east_m, north_m: from the robot to the ball along the world's x and y, any shape.
-        heading_rad: the robot's heading, same shape.
+        direction_rad: from the robot to the ball, from the world's x axis, any shape.
+        heading_rad: the robot's heading, same shape or a number.
         noise_rad: the sensor's error, same shape.
         field_of_view_rad: the largest angle that the head reports, to either side.
 
     Returns:
         Δθ in rad, positive to the left, same shape.
     """
-    true_rad = wrap(torch.atan2(north_m, east_m) - heading_rad)
+    true_rad = wrap(direction_rad - heading_rad)
     return (true_rad + noise_rad).clamp(-field_of_view_rad, field_of_view_rad)

@@ -109,6 +109,7 @@ class Config(Parameters):
     gamma: float = number(0, 1)
     epsilon: float = number(0, 1)
     trace: str = one_of(*TRACES)
+    engine: str = one_of("auto", "eager", "compiled")
     situations: int = whole(1)
 
     env: World

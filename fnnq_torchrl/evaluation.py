@@ -8,87 +8,98 @@ from torch import Tensor
 
 from envs.follow_ball import FollowBall
 from envs.world import World
-from fnnq_torchrl.lanes import pad
-from fnnq_torchrl.layout import runs_first, runs_last
+from fnnq_torchrl.engine import Engine
+from fnnq_torchrl.loops import Loop
 from fnnq_torchrl.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.program import act
+from fnnq_torchrl.values import ValueNetwork
 
 FIRST_EPISODE = 2**32
 """Evaluations draw their random numbers as episodes from here on, which learning never reaches."""
 
-_LANES = 2**14
-"""Situations played side by side: enough to keep the machine busy, few enough to stay in cache."""
+_STEPS = 30
+"""Between two looks at who is done: a look costs about as much as a step of many lanes."""
 
 
-class Evaluation:
-    """Plays fixed situations greedily, without learning, for any number of snapshots of weights.
+class Playing:
+    """The :class:`fnnq_torchrl.work.Task` of playing fixed situations greedily, without learning.
 
-    Each situation of each snapshot is a lane of one batch. Random numbers are the run's own, new
-    ones for every evaluation.
+    Each situation of each snapshot of weights is a job. Random numbers are the run's own, new ones
+    for every evaluation.
+
+    Attributes:
+        jobs: how many there are.
+        catches: of each snapshot, so far, int64 ``[evaluations, runs]``.
 
     Args:
-        policy: chooses the actions; its network's weights are replaced by the snapshots'.
+        value_network: whose weights the snapshots replace.
         world: the learning world's parameters: same time limit, same sensor.
         situations: starts of the ball (φ₀, ω_b), in rad and rad/s, ``[situations, 2]``.
+        weights: the snapshots, by name, batch size ``[evaluations, runs]``.
+        seed: the runs' seeds, int64 ``[runs, 1]``.
+        on_progress: is told how many situations, of all snapshots together, are played.
     """
 
-    def __init__(self, policy: EpsilonGreedyPolicy, world: World, situations: Tensor) -> None:
-        self.policy = policy
-        self.world = world
-        self.situations = situations
-
-    def score(
+    def __init__(
         self,
-        snapshots: TensorDictBase,
-        on_progress: Callable[[int], None] = lambda done: None,
-    ) -> Tensor:
-        """How many of the situations each snapshot ends in a catch.
+        value_network: ValueNetwork,
+        world: World,
+        situations: Tensor,
+        weights: TensorDictBase,
+        seed: Tensor,
+        on_progress: Callable[[int], None],
+    ) -> None:
+        evaluations, self._runs = weights.batch_size
+        self.jobs = evaluations * self._runs * len(situations)
+        self.catches = torch.zeros(evaluations, self._runs, dtype=torch.int64)
+        self._policy = EpsilonGreedyPolicy(value_network, epsilon=0.0)
+        self._world, self._situations = world, situations
+        self._env: FollowBall
+        self._weights = weights.view(evaluations * self._runs)
+        self._seed = seed
+        self._played, self._on_progress = 0, on_progress
+        self._loop: Loop
 
-        Args:
-            snapshots: ``weights`` by name, ``seed`` and ``evaluation`` (its number, for the random
-                numbers) of shape ``[snapshots, 1]``; batch size ``[snapshots]``.
-            on_progress: is told the number of situations played so far.
+    def prepare(self, engine: Engine, lanes: int) -> None:
+        """Make the loop, for so many lanes."""
+        like = self._situations
+        self._env = FollowBall(self._world, [lanes], dtype=like.dtype, device=like.device)
+        example = self.begin(torch.zeros(lanes, dtype=torch.int64))
+        self._loop = engine.make_loop(self._step, *example)
 
-        Returns:
-            int64 ``[snapshots]``, from 0 to the number of situations.
-        """
-        slice_size = max(1, _LANES // len(self.situations))
-        scores = []
-        for part in snapshots.split(slice_size):
-            scores.append(self._score_slice(part))
-            on_progress(sum(map(len, scores)) * len(self.situations))
-        return torch.cat(scores)
-
-    def _score_slice(self, snapshots: TensorDictBase) -> Tensor:
-        count = len(self.situations)
-        lanes = len(snapshots) * count
-        snapshot = pad(torch.arange(lanes, device=self.situations.device)) // count
-        situation = pad(torch.arange(lanes, device=self.situations.device)) % count
-        weights = {
-            name: runs_first(runs_last(weight).index_select(-1, snapshot))
-            for name, weight in snapshots["weights"].items()
-        }
-        number = snapshots["evaluation"][snapshot] * count + situation.unsqueeze(-1)
-        env = FollowBall(
-            self.world,
-            [len(snapshot)],
-            situations=self.situations[situation],
-            dtype=self.situations.dtype,
-            device=self.situations.device,
+    def begin(self, jobs: Tensor) -> tuple[TensorDict, TensorDict]:
+        jobs = jobs.to(self._seed.device)
+        snapshot, situation = jobs // len(self._situations), jobs % len(self._situations)
+        evaluation, run = snapshot // self._runs, snapshot % self._runs
+        number = evaluation * len(self._situations) + situation
+        world = self._env.start(
+            self._seed[run], FIRST_EPISODE + number.unsqueeze(-1), self._situations[situation]
         )
-        world = env.start(snapshots["seed"][snapshot], FIRST_EPISODE + number)
-        caught = self._play(env, world, weights)
-        return caught[:lanes].view(-1, count).sum(-1)
+        batch = {"batch_size": jobs.shape, "device": jobs.device}
+        never = torch.zeros_like(world["bearing"])
+        stays = TensorDict({"weights": self._weights[snapshot], "epsilon": never}, **batch)
+        no = torch.zeros_like(never, dtype=torch.bool)
+        return stays, TensorDict({"world": world, "over": no, "caught": no.clone()}, **batch)
 
-    def _play(self, env: FollowBall, world: TensorDict, weights: dict[str, Tensor]) -> Tensor:
-        """Which lanes end in a catch: bool ``[lanes]``."""
-        greedy = torch.zeros_like(world["bearing"])
-        over = torch.zeros_like(greedy, dtype=torch.bool)
-        caught = over
-        for _ in range(self.world.time_limit_steps):
-            world = env.step(act(self.policy, weights, greedy, world))["next"]
-            caught = caught | ((world["reward"] > 0) & ~over)
-            over = over | world["terminated"]
-            if over.all():
-                break
-        return caught.squeeze(-1)
+    def _step(self, stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+        world = act(self._policy, stays["weights"], stays["epsilon"], state["world"])
+        after = self._env.step(world)["next"]
+        caught = state["caught"] | ((after["reward"] > 0) & ~state["over"])
+        over = state["over"] | after["terminated"]
+        world = after.select(*state["world"].keys())
+        return TensorDict(
+            {"world": world, "over": over, "caught": caught}, state.batch_size, device=state.device
+        )
+
+    def advance(self, stays: TensorDictBase, state: TensorDictBase) -> TensorDictBase:
+        return self._loop(stays, state, _STEPS)
+
+    def collect(self, jobs: Tensor, state: TensorDictBase) -> Tensor:
+        over = state["over"].squeeze(-1).cpu()
+        lanes = ((jobs >= 0) & over).nonzero().squeeze(-1)
+        snapshot = jobs[lanes] // len(self._situations)
+        caught = state["caught"].squeeze(-1).cpu()[lanes].long()
+        self.catches.view(-1).index_add_(0, snapshot, caught)
+        self._played += len(lanes)
+        self._on_progress(self._played)
+        return over

@@ -8,7 +8,7 @@ import torch
 from fnnq_torchrl.checkpoint import save_checkpoint
 from fnnq_torchrl.config import Config, OutOfRange
 from fnnq_torchrl.figures import learning_curve
-from fnnq_torchrl.report import Progress, print_summary
+from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import summarise, write_evaluations, write_summary
 from fnnq_torchrl.trainer import Trainer
 
@@ -21,10 +21,12 @@ def run_job(config: Config, directory: Path) -> None:
 
     Raises:
         OutOfRange: the device isn't there.
+        ConfigError: the engine is to compile, and the compiler isn't there or fails.
         OSError: a file can't be written.
     """
     _check_device(config.machine.device)
     trainer = Trainer(config)
+    announce(trainer.engine_chosen)
     with Progress(trainer.situations_to_learn, "learning") as progress:
         trainer.learn(progress.update)
     with Progress(trainer.situations_to_play, "evaluating") as progress:

@@ -15,5 +15,21 @@ LANES = 32
 
 def pad(values: Tensor) -> Tensor:
     """The values ``[runs, ...]``, the last repeated, up to a whole multiple of ``LANES``."""
-    index = torch.arange(-(-len(values) // LANES) * LANES, device=values.device)
+    return repeat_last(values, -(-len(values) // LANES) * LANES)
+
+
+def repeat_last(values: Tensor, lanes: int) -> Tensor:
+    """The values ``[runs, ...]``, the last repeated, up to ``[lanes, ...]``."""
+    index = torch.arange(lanes, device=values.device)
     return values[index.clamp(max=len(values) - 1)]
+
+
+def lanes_for(jobs: int, workers: int, most: int) -> int:
+    """How many lanes each worker should have for so many jobs.
+
+    Enough that all jobs go on at once, at most ``most``, and one of few sizes, four from a number
+    to its double: a compiled loop has the number of lanes built in, and is to be found again.
+    """
+    units = -(-jobs // (workers * LANES))
+    grain = 1 << max(0, (units - 1).bit_length() - 3)
+    return min(most, -(-units // grain) * grain * LANES)

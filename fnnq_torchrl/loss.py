@@ -125,10 +125,11 @@ def credit_weights(
     slopes = {name: runs_last(slope) for name, slope in gradient.items()}
     scale = qlambda.step_h_scale(slopes.values(), reading)
     errors = per_run(td_error), per_run(chosen_td_error)
+    goes_on = per_run(done).logical_not().to(td_error.dtype)
     directions, traces = {}, {}
     for name, slope in slopes.items():
         direction, after = qlambda.credit(
-            runs_last(trace[name]), slope, *errors, per_run(decay), scale, per_run(done)
+            runs_last(trace[name]), slope, *errors, per_run(decay), scale, goes_on
         )
         directions[name], traces[name] = runs_first(direction), runs_first(after)
     return directions, traces

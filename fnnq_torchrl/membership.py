@@ -7,22 +7,22 @@ import torch
 from torch import Tensor
 
 
-def log_membership(x: Tensor, centres: Tensor, widths: Tensor) -> Tensor:
+def log_membership(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
     """Log μ(x) = −(x − c)²/(2σ²), for every label of one input.
 
     Args:
         x: the input, ``[..., runs]``.
         centres: c, ``[labels]``.
-        widths: σ, ``[labels]``.
+        inverse_widths: 1/σ, ``[labels]``; a product is faster than a quotient.
 
     Returns:
         ``[labels, ..., runs]``.
     """
     per_label = (-1, *[1] * x.ndim)
-    return -0.5 * ((x - centres.view(per_label)) / widths.view(per_label)).square()
+    return -0.5 * ((x - centres.view(per_label)) * inverse_widths.view(per_label)).square()
 
 
-def firing_shares(x: Tensor, centres: Tensor, widths: Tensor) -> Tensor:
+def firing_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
     """One input's share in the rules' normalised firing strengths: μᵢ(x) / Σμ(x).
 
     With every label of every input combined by the product t-norm, the strengths' sum factors, and
@@ -33,9 +33,9 @@ def firing_shares(x: Tensor, centres: Tensor, widths: Tensor) -> Tensor:
     """
     # Not torch.softmax: over the first dimension it shares even the smallest batch between threads,
     # which is slow, and cuts it amid vectors, so that the last bit depends on how many threads.
-    strength = log_membership(x, centres, widths)
+    strength = log_membership(x, centres, inverse_widths)
     strength = torch.exp(strength - strength.amax(0))
-    return strength / strength.sum(0)
+    return strength * strength.sum(0).reciprocal()
 
 
 def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tensor) -> Tensor:

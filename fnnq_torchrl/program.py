@@ -27,7 +27,7 @@ class Program:
     * ``state``, which every step replaces: ``world``, what the environment needs to go on;
       ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the step size
       so far decayed; ``situations`` and ``steps``, counts of what was learned from; ``snapshot``,
-      weights and steps as they were when an evaluation was last due.
+      weights and counts as they were when an evaluation was last due.
 
     Args:
         env: the world, with the runs as its batch.
@@ -71,6 +71,7 @@ class Program:
                 "snapshot": TensorDict(
                     {
                         "weights": TensorDict({k: _copy(w) for k, w in weights.items()}, **batch),
+                        "situations": zero.clone(),
                         "steps": zero.clone(),
                     },
                     **batch,
@@ -108,12 +109,14 @@ class Program:
             alpha, per_run(run["alpha_decay"]), per_run(after["reward"])
         )
         situations, steps = state["situations"] + after["done"], state["steps"] + 1
-        due = after["done"] & (situations % self.evaluate_every == 0)
         snapshot = state["snapshot"]
+        # A number: where all the weights are at stake, loops load booleans slowly.
+        due = (situations == snapshot["situations"] + self.evaluate_every).to(alpha.dtype)
         now = TensorDict(
             {
                 "weights": _where(due, weights, snapshot["weights"]),
-                "steps": torch.where(due, steps, snapshot["steps"]),
+                "situations": torch.where(due > 0, situations, snapshot["situations"]),
+                "steps": torch.where(due > 0, steps, snapshot["steps"]),
             }
         )
         return TensorDict(
@@ -165,7 +168,7 @@ def _copy(weight: Tensor) -> Tensor:
 def _where(
     mask: Tensor, chosen: Mapping[str, Tensor], other: Mapping[str, Tensor]
 ) -> dict[str, Tensor]:
-    mask = per_run(mask)
+    mask = per_run(mask) > 0
     return {
         name: runs_first(torch.where(mask, runs_last(new), runs_last(other[name])))
         for name, new in chosen.items()

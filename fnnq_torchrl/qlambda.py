@@ -87,7 +87,7 @@ def credit(
     chosen_td_error: Tensor,
     decay: Tensor,
     scale: Tensor | float,
-    done: Tensor,
+    goes_on: Tensor,
 ) -> tuple[Tensor, Tensor]:
     """Steps f, g and h of Table 1, for one tensor of weights.
 
@@ -102,14 +102,13 @@ def credit(
         chosen_td_error: δ′, ``[runs]``.
         decay: γλ, ``[runs]``.
         scale: of step h (:func:`step_h_scale`), ``[runs]``.
-        done: the episode has ended (bool), also by truncation, ``[runs]``.
+        goes_on: 1, or 0 where the episode has ended, also by truncation, ``[runs]``.
 
     Returns:
         Δw, to be multiplied by the step size α, and the new trace; both ``[*weights, runs]``.
     """
-    trace = decay * trace
-    direction = td_error * trace + chosen_td_error * gradient
-    return direction, (trace + scale * gradient).masked_fill(done, 0)
+    direction = (td_error * decay) * trace + chosen_td_error * gradient
+    return direction, (goes_on * decay) * trace + (goes_on * scale) * gradient
 
 
 def decayed_step_size(alpha: Tensor, decay: Tensor, reward: Tensor) -> Tensor:

@@ -102,6 +102,12 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
 
 
+def announce(line: str, console: Console | None = None) -> None:
+    """Say a line beside the progress: on stderr, unless given."""
+    console = console or Console(stderr=True)
+    console.print(line, soft_wrap=True, markup=False, highlight=False)
+
+
 def print_summary(summary: Summary, picture: Path, console: Console | None = None) -> None:
     """Print the numbers that a user asks for first, and where the picture is.
 

@@ -1,51 +1,64 @@
 """The weights of all runs at all of their evaluations."""
 
+from collections.abc import Mapping
+
 import torch
 from tensordict import TensorDict, TensorDictBase
-
-from fnnq_torchrl.layout import runs_last
+from torch import Tensor
 
 
 class SnapshotBook:
     """Collects a program's snapshots: weights and steps of every run when each evaluation was due.
 
     Attributes:
-        pages: batch size ``[evaluations]``: ``weights`` by name, ``[evaluations, *weights, runs]``,
-            and ``steps``, int64 ``[evaluations, runs]``.
+        pages: batch size ``[evaluations, runs]``: ``weights`` by name, and ``steps``, int64. The
+            first page has the weights before learning.
 
     Args:
-        state: the program's state before its first step, which is the first page.
+        weights: of a run before learning, by name, with any number of runs first.
+        runs: how many there are.
         every: situations from one evaluation to the next.
         evaluations: how many there are, the one before learning included.
     """
 
-    def __init__(self, state: TensorDictBase, every: int, evaluations: int) -> None:
+    def __init__(self, weights: Mapping[str, Tensor], runs: int, every: int, evaluations: int):
         self._every = every
         self._last = evaluations - 1
-        first = self._page(state)
-        self.pages = first.apply(
-            lambda value: value.new_zeros(evaluations, *value.shape), batch_size=[evaluations]
+        shape = (evaluations, runs)
+        untrained = {
+            name: weight[:1].expand(runs, *weight.shape[1:]) for name, weight in weights.items()
+        }
+        device = next(iter(weights.values())).device
+        self.pages = TensorDict(
+            {
+                "weights": TensorDict(
+                    {name: w.new_zeros(evaluations, *w.shape) for name, w in untrained.items()},
+                    shape,
+                ),
+                "steps": torch.zeros(shape, dtype=torch.int64, device=device),
+            },
+            shape,
         )
-        self.pages[0] = first
-        self._collected = torch.zeros_like(state["situations"].squeeze(-1))
+        for name, weight in untrained.items():
+            self.pages["weights", name][0] = weight
+        self._collected = torch.zeros(runs, dtype=torch.int64)
 
-    def collect(self, state: TensorDictBase) -> None:
+    def collect(self, runs: Tensor, state: TensorDictBase) -> None:
         """Put the snapshots that are new since the last call on their pages.
 
         No run may have had more than one in between. What runs do after their last evaluation is
         nobody's business.
-        """
-        due = (state["situations"].squeeze(-1) // self._every).clamp(max=self._last)
-        runs = (due > self._collected).nonzero().squeeze(-1)
-        if len(runs):
-            page = self._page(state)
-            for key in page.keys(include_nested=True, leaves_only=True):
-                # Indices on the first and the last dimension bring [new, *weights].
-                self.pages[key][due[runs], ..., runs] = page[key][..., runs].movedim(-1, 0)
-            self._collected = due
 
-    @staticmethod
-    def _page(state: TensorDictBase) -> TensorDict:
-        snapshot = state["snapshot"]
-        weights = {name: runs_last(weight) for name, weight in snapshot["weights"].items()}
-        return TensorDict({"weights": TensorDict(weights), "steps": snapshot["steps"].squeeze(-1)})
+        Args:
+            runs: the number of each lane's run, −1 where there is none, int64 ``[lanes]``.
+            state: the program's, ``[lanes]``.
+        """
+        due = (state["situations"].squeeze(-1).cpu() // self._every).clamp(max=self._last)
+        lanes = ((runs >= 0) & (due > self._collected[runs])).nonzero().squeeze(-1)
+        if len(lanes):
+            runs, due = runs[lanes], due[lanes]
+            snapshot = state["snapshot"]
+            for name, weight in snapshot["weights"].items():
+                self.pages["weights", name][due, runs] = weight[lanes]
+            self.pages["steps"][due, runs] = snapshot["steps"][lanes].squeeze(-1)
+            self._collected[runs] = due

@@ -1,13 +1,36 @@
 """How torch and hypothesis run here."""
 
 import os
+import warnings
+from collections.abc import Iterator
 
 # The tensors are small, so a second thread only waits for the first: for milliseconds an operation
 # if the machine is busy. Torch reads this when it is imported; the commands under test inherit it.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import pytest
 from hypothesis import settings
 
 # The first call of a torch operation can take seconds, so no example has a deadline.
 settings.register_profile("here", deadline=None, derandomize="CI" in os.environ, print_blob=True)
 settings.load_profile("here")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Compiled programs are kept for this session alone: what one finds, this session has made."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TORCHINDUCTOR_CACHE_DIR", str(tmp_path_factory.mktemp("inductor")))
+        yield
+
+
+@pytest.fixture(scope="session")
+def compiler() -> None:
+    """Only where there is a C++ compiler."""
+    from fnnq_torchrl.engine import compiler_found
+
+    if not compiler_found():
+        pytest.skip("needs a C++ compiler")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch 2.13 still uses what it has deprecated itself
+        import torch._inductor.compile_fx  # noqa: F401

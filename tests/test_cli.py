@@ -32,6 +32,7 @@ MISTAKES = {
     "alpha=-1": "alpha=-1.0: must be a number in [0, inf)",
     "situations=7": "situations=7: must be a whole multiple of evaluation.every=5",
     "trace=foo": "trace=foo: must be output or gradient",
+    "engine=foo": "engine=foo: must be auto, eager or compiled",
     "value=nope": "value=nope: must be fnnq",
     "env.speed_mps=-1": "env.speed_mps=-1.0: must be a number in (0, inf)",
     "env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",

@@ -34,6 +34,7 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "gamma": 0.95,
         "epsilon": 0.1,
         "trace": "output",
+        "engine": "auto",
         "situations": 200,
         "env": {
             "time_step_s": 0.1,

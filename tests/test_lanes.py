@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tensordict import TensorDict
 
-from fnnq_torchrl.lanes import LANES, pad
+from fnnq_torchrl.lanes import LANES, lanes_for, pad
 
 from .programs import advance, config, in_lanes, make_program, make_runs
 
@@ -24,6 +24,35 @@ def test_padding_repeats_the_last_run_up_to_whole_lanes(runs: int) -> None:
     assert len(padded) - runs < LANES
     assert torch.equal(padded[:runs], values)
     assert (padded[runs:] == values[-1]).all()
+
+
+some_jobs = st.integers(1, 10**6)
+some_workers = st.integers(1, 64)
+some_most = st.integers(1, 4096).map(lambda units: LANES * units)
+
+
+@given(some_jobs, some_workers, some_most)
+def test_lanes_are_whole_and_enough_for_all_jobs_unless_that_is_too_many(
+    jobs: int, workers: int, most: int
+) -> None:
+    lanes = lanes_for(jobs, workers, most)
+    assert lanes % LANES == 0
+    assert LANES <= lanes <= most
+    assert lanes == most or workers * lanes >= jobs
+
+
+@given(some_jobs, some_workers)
+def test_few_lanes_are_idle(jobs: int, workers: int) -> None:
+    lanes = lanes_for(jobs, workers, most=2**30)
+    assert lanes <= 1.25 * (jobs / workers) + LANES
+
+
+@given(st.integers(1, 10**5), some_workers)
+def test_there_are_four_sizes_from_a_number_to_its_double(jobs: int, workers: int) -> None:
+    # What is compiled for one number of jobs then does for many others.
+    units = range(jobs, 2 * jobs, max(1, jobs // 1000))
+    sizes = {lanes_for(LANES * workers * n, workers, most=2**30) for n in units}
+    assert len(sizes) <= 5  # both ends count
 
 
 @contextmanager

@@ -62,7 +62,7 @@ def test_one_step_of_credit_by_hand() -> None:
         chosen_td_error=real(2.0, 2.0, 2.0),
         decay=real(0.5, 0.0, 0.5),
         scale=real(2.0, 2.0, 2.0),
-        done=torch.tensor([False, False, True]),
+        goes_on=real(1.0, 1.0, 0.0),
     )
     # e = (1, −2): Δw = −(1, −2) + 2·(0.5, 0.25) = (0, 2.5), then e + 2·(0.5, 0.25) = (2, −1.5).
     assert torch.equal(direction, real(0.0, 1.0, 0.0, 2.5, 0.5, 2.5).view(2, 3))

@@ -15,12 +15,13 @@ def test_every_page_has_the_weights_right_at_that_moment() -> None:
     run = make_runs(settings, RUNS, lam=torch.linspace(0, 1, RUNS))
     program = make_program(settings, run)
     state = program.begin(run)
-    book = SnapshotBook(state, every=2, evaluations=EVALUATIONS)
+    book = SnapshotBook(state["weights"], RUNS, every=2, evaluations=EVALUATIONS)
+    numbers = torch.randperm(RUNS, generator=torch.Generator().manual_seed(0))  # of the lanes
     chunk = 2 * program.env.fewest_steps
 
     weights = {(0, i): state["weights", "weight"][i] for i in range(RUNS)}
     steps = {(0, i): 0 for i in range(RUNS)}
-    while state["situations"].min() < 6:
+    while state["situations"].min() < 8:  # they go on after their last evaluation
         for _ in range(chunk):
             state = program.step(run, state)
             for i in range(RUNS):
@@ -28,13 +29,13 @@ def test_every_page_has_the_weights_right_at_that_moment() -> None:
                 if situations % 2 == 0 and (situations // 2, i) not in weights:
                     weights[situations // 2, i] = state["weights", "weight"][i]
                     steps[situations // 2, i] = int(state["steps"][i])
-        book.collect(state)
-    assert book.pages.batch_size == (EVALUATIONS,)
-    assert state["situations"].max() >= 8  # some go on after their last evaluation
+        book.collect(numbers, state)
+    assert book.pages.batch_size == (EVALUATIONS, RUNS)
     for page in range(EVALUATIONS):
         for i in range(RUNS):
-            assert torch.equal(book.pages["weights", "weight"][page, ..., i], weights[page, i])
-            assert book.pages["steps"][page, i] == steps[page, i]
+            its = book.pages[page, numbers[i]]
+            assert torch.equal(its["weights", "weight"], weights[page, i])
+            assert its["steps"] == steps[page, i]
 
 
 def state_at(situations: list[int], snapshot: list[float]) -> TensorDict:
@@ -45,8 +46,8 @@ def state_at(situations: list[int], snapshot: list[float]) -> TensorDict:
             "situations": torch.tensor(situations).unsqueeze(-1),
             "snapshot": {
                 "weights": {
-                    "a": torch.tensor(snapshot).view(runs, 1, 1).expand(runs, 2, 3),
-                    "b": torch.tensor(snapshot).view(runs, 1),
+                    "a": torch.tensor(snapshot).float().view(runs, 1, 1).expand(runs, 2, 3),
+                    "b": torch.tensor(snapshot).float().view(runs, 1),
                 },
                 "steps": torch.tensor(snapshot).long().unsqueeze(-1),
             },
@@ -56,15 +57,37 @@ def state_at(situations: list[int], snapshot: list[float]) -> TensorDict:
 
 
 def test_runs_turn_their_pages_at_their_own_pace() -> None:
-    book = SnapshotBook(state_at([0, 0], [1, 1]), every=5, evaluations=3)
-    book.collect(state_at([4, 5], [9, 2]))  # 9: not yet due
-    book.collect(state_at([6, 9], [3, 9]))  # 9: collected before
-    book.collect(state_at([14, 11], [4, 5]))
-    book.collect(state_at([15, 25], [9, 9]))  # after the last
-    expected = torch.tensor([[1, 1], [3, 2], [4, 5]])
-    assert torch.equal(book.pages["steps"], expected)
-    assert torch.equal(book.pages["weights", "b"], expected.float().unsqueeze(1))
-    assert torch.equal(book.pages["weights", "a"][:, 1, 2], expected.float())
+    book = blank_book(runs=2)
+    both = torch.tensor([0, 1])
+    book.collect(both, state_at([4, 5], [9, 2]))  # 9: not yet due
+    book.collect(both, state_at([6, 9], [3, 9]))  # 9: collected before
+    book.collect(both, state_at([14, 11], [4, 5]))
+    book.collect(both, state_at([15, 25], [9, 9]))  # after the last
+    assert_pages(book, [[1, 1], [3, 2], [4, 5]])
+
+
+def test_runs_that_take_turns_on_a_lane() -> None:
+    book = blank_book(runs=4)
+    book.collect(torch.tensor([0, 1]), state_at([5, 10], [2, 3]))
+    book.collect(torch.tensor([2, -1]), state_at([5, 10], [4, 9]))  # 9: a lane with nothing to do
+    book.collect(torch.tensor([2, 3]), state_at([10, 4], [5, 9]))  # 9: not yet due, whoever had
+    assert_pages(book, [[1, 1, 1, 1], [2, 0, 4, 0], [0, 3, 5, 0]])
+
+
+def blank_book(runs: int) -> SnapshotBook:
+    weights = state_at([0, 0], [1, 7])["snapshot", "weights"]  # 1: the first run's are everyone's
+    return SnapshotBook(weights, runs, every=5, evaluations=3)
+
+
+def assert_pages(book: SnapshotBook, numbers: list[list[float]]) -> None:
+    """The pages' snapshots are these numbers, and the steps too, except before learning."""
+    expected = torch.tensor(numbers).float()
+    assert torch.equal(book.pages["steps"][1:], expected[1:].long())
+    assert (book.pages["steps"][0] == 0).all()
+    assert torch.equal(book.pages["weights", "b"], expected.unsqueeze(-1))
+    assert torch.equal(
+        book.pages["weights", "a"], expected.view(*expected.shape, 1, 1).expand(-1, -1, 2, 3)
+    )
 
 
 @pytest.mark.parametrize("every", [1, 5])
@@ -81,5 +104,6 @@ def test_a_snapshot_waits_until_the_next_is_due(every: int) -> None:
         snapshot, now = state["snapshot", "weights", "weight"], state["weights", "weight"]
         assert torch.equal(snapshot[due], now[due])
         assert torch.equal(snapshot[~due], before["snapshot", "weights", "weight"][~due])
-        assert torch.equal(state["snapshot", "steps"][due], state["steps"][due])
+        for count in ("situations", "steps"):
+            assert torch.equal(state["snapshot", count][due], state[count][due])
     assert state["situations"].min() >= 5

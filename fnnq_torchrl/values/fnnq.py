@@ -51,10 +51,10 @@ class FNNQValue(ValueNetwork):
         dimensions = [*inputs.values(), action]
         for i, labels in enumerate(dimensions):
             centres = [centre for centre, _ in labels]
-            widths = [rule_width(second, width) for _, second in labels]
+            inverse_widths = [1 / rule_width(second, width) for _, second in labels]
             # Every buffer has memory of its own: a compiled loop allows no aliases.
             self.register_buffer(f"centres_{i}", candidates.new_tensor(centres))
-            self.register_buffer(f"widths_{i}", candidates.new_tensor(widths))
+            self.register_buffer(f"inverse_widths_{i}", candidates.new_tensor(inverse_widths))
         # The candidates never change, and so neither do their shares in the firing strengths.
         shares = self._shares(len(inputs), candidates.unsqueeze(-1))
         self.register_buffer("candidate_shares", shares, persistent=False)
@@ -71,4 +71,4 @@ class FNNQValue(ValueNetwork):
         return defuzzify(runs_last(self.weight), shares, action_shares).movedim((0, -1), (-1, 0))
 
     def _shares(self, i: int, x: Tensor) -> Tensor:
-        return firing_shares(x, getattr(self, f"centres_{i}"), getattr(self, f"widths_{i}"))
+        return firing_shares(x, getattr(self, f"centres_{i}"), getattr(self, f"inverse_widths_{i}"))

@@ -1,7 +1,7 @@
-"""Random numbers: SplitMix64 against known answers and its twin, and what is made of its words."""
+"""Random numbers: pcg4d against its twin and statistics, and what is made of its words."""
 
 import math
-from itertools import product
+from itertools import pairwise, product
 
 import pytest
 import torch
@@ -12,7 +12,7 @@ from torch import Tensor
 
 from envs import streams
 from envs.streams import Stream
-from tests.oracles import splitmix as oracle
+from tests.oracles import pcg as oracle
 
 DTYPES = torch.float32, torch.float64
 FAIR = 0.01  # samples are fixed, so a p-value above this stays above it
@@ -24,8 +24,12 @@ def tensors(numbers) -> tuple[Tensor, ...]:
     return tuple(torch.tensor(number) for number in numbers)
 
 
+def as_words(numbers) -> tuple[Tensor, ...]:
+    return tuple(torch.tensor(number).int() for number in numbers)
+
+
 def numbers(words: tuple[Tensor, ...]) -> tuple[int, ...]:
-    return tuple(int(word) for word in words)
+    return tuple(int(word) % 2**32 for word in words)
 
 
 def sample(size: int = 2**14, stream: Stream = Stream.STEP) -> tuple[Tensor, ...]:
@@ -37,34 +41,35 @@ def sample(size: int = 2**14, stream: Stream = Stream.STEP) -> tuple[Tensor, ...
 # -- words ----------------------------------------------------------------------------------------
 
 
-def test_splitmix_gives_the_known_answers():
-    # The first outputs from the state 1234567, as the reference implementation in C has them.
-    answers = [
-        6457827717110365317,
-        3203168211198807973,
-        9817491932198370423,
-        4593380528125082431,
-        16408922859458223821,
-    ]
-    states = [1234567 + n * oracle.GAMMA for n in range(1, 6)]
-    outputs = streams.mix(torch.tensor([streams._signed(state) for state in states]))
-    assert [int(output) % 2**64 for output in outputs] == answers
-    assert [oracle.splitmix(1234567, n) for n in range(1, 6)] == answers
+@given(word, word, word, word)
+@example(0, 0, 0, 0)
+@example(2**32 - 1, 2**32 - 1, 2**32 - 1, 2**32 - 1)
+def test_the_hash_equals_its_twin(x, y, z, w):
+    words = streams.pcg4d(*as_words((x, y, z, w)))
+    assert numbers(words) == oracle.pcg4d((x, y, z, w))
 
 
-@given(st.integers(-(2**63), 2**63 - 1))
-def test_mix_equals_its_twin(z):
-    assert int(streams.mix(torch.tensor(z))) % 2**64 == oracle.mix(z % 2**64)
+def test_every_bit_of_the_input_changes_half_of_the_output():
+    inputs = torch.randint(2**32, (4, 2**11), generator=torch.Generator().manual_seed(0))
+    words = torch.stack(streams.pcg4d(*inputs.int()))
+    for position, bit in product(range(4), range(32)):
+        changed = inputs.clone()
+        changed[position] ^= 1 << bit
+        flips = torch.stack(streams.pcg4d(*changed.int())) ^ words
+        ones = torch.stack([(flips >> i) & 1 for i in range(32)]).double().mean(-1)
+        # Bits that come in at the top have less of the word before them.
+        assert (ones - 0.5).abs().max() < (0.06 if bit < 24 else 0.5)
+        assert ones.mean() == pytest.approx(0.5, abs=0.05)
 
 
 @given(
     st.integers(0, 2**63 - 1),
-    st.integers(0, 2**63 - 1),
-    st.integers(0, 2**32 - 1),
+    st.integers(0, 2**33 - 1),
+    st.integers(0, 2**31 - 1),
     st.sampled_from(Stream),
 )
 @example(2**32, 2**32, 0, Stream.STEP)
-@example(2**63 - 1, 2**63 - 1, 2**32 - 1, Stream.START)
+@example(2**63 - 1, 2**33 - 1, 2**31 - 1, Stream.START)
 def test_a_draw_is_keyed_by_run_and_counted_by_time(seed, episode, step, stream):
     words = streams.draw(*tensors((seed, episode, step)), stream)
     assert numbers(words) == oracle.draw(seed, episode, step, stream)
@@ -72,13 +77,37 @@ def test_a_draw_is_keyed_by_run_and_counted_by_time(seed, episode, step, stream)
 
 def test_every_run_time_and_stream_has_words_of_its_own():
     seeds = [0, 1, 2, 2**32 - 1, 2**32, 2**32 + 1, 2**33, 2**62, 2**63 - 1]
-    episodes = [0, 1, 2, 119, 2**32 - 1, 2**32, 2**32 + 1, 2**62]
-    steps = [0, 1, 2, 119, 120, 2**32 - 1]
+    episodes = [0, 1, 2, 119, 2**32 - 1, 2**32, 2**32 + 1, 2**33 - 1]
+    steps = [0, 1, 2, 119, 120, 2**31 - 1]
     when = torch.tensor(list(product(seeds, episodes, steps))).T
     blocks = torch.cat([torch.stack(streams.draw(*when, stream), -1) for stream in Stream])
     assert len(blocks) == len(Stream) * len(seeds) * len(episodes) * len(steps)
     assert len(blocks.unique(dim=0)) == len(blocks)
     assert len(blocks.unique()) == blocks.numel()  # by chance two words in 3,456 may be the same
+
+
+COUNT = 2**18
+
+
+@pytest.mark.parametrize(
+    ("seed_bits", "episode_bits"), [(0, 0), (18, 0), (0, 18), (9, 0), (0, 9), (6, 6)]
+)
+def test_bytes_of_neighbours_are_even_and_independent(seed_bits, episode_bits):
+    """Seeds, episodes and steps are small numbers in a row; the words must not show it."""
+    n = torch.arange(COUNT)
+    seed, rest = n % 2**seed_bits, n >> seed_bits
+    episode, step = rest % 2**episode_bits, rest >> episode_bits
+    words = torch.stack(streams.draw(seed, episode, step, Stream.STEP))
+    parts = torch.stack([(words >> shift) & 0xFF for shift in (0, 8, 16, 24)]).flatten(0, 1)
+    p_values = [evenness(part, 256) for part in parts]
+    # The next in the row, and another byte of the same block.
+    p_values += [evenness(part[::2] * 256 + part[1::2], 2**16) for part in parts]
+    p_values += [evenness(a * 256 + b, 2**16) for a, b in pairwise(parts)]
+    assert min(p_values) > FAIR / len(p_values)
+
+
+def evenness(values: Tensor, cells: int) -> float:
+    return stats.chisquare(values.bincount(minlength=cells).numpy()).pvalue
 
 
 def test_words_dont_depend_on_the_batch():

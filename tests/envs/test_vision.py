@@ -20,9 +20,9 @@ def real(number: float) -> Tensor:
 def bearing(
     to_ball_rad: float, heading_rad: float = 0, noise_rad: float = 0, view_rad: float = 1
 ) -> float:
-    """The bearing of a ball 2 m away in a direction of the world."""
-    way = real(2 * math.cos(to_ball_rad)), real(2 * math.sin(to_ball_rad))
-    return float(vision.bearing(*way, real(heading_rad), real(noise_rad), view_rad))
+    """The bearing of a ball in a direction of the world."""
+    angles = real(to_ball_rad), real(heading_rad), real(noise_rad)
+    return float(vision.bearing(*angles, view_rad))
 
 
 # -- wrap -----------------------------------------------------------------------------------------
@@ -81,7 +81,8 @@ def test_a_ball_outside_the_view_is_at_the_edge_on_its_side(true_rad, heading_ra
 
 def test_a_ball_right_behind_is_on_one_side_or_the_other():
     behind = torch.tensor([[-2.0, 0.0], [-2.0, -0.0], [-2.0, 1e-6], [-2.0, -1e-6]]).double()
-    seen = vision.bearing(behind[:, 0], behind[:, 1], torch.zeros(4), torch.zeros(4), 1.0)
+    direction_rad = torch.atan2(behind[:, 1], behind[:, 0])
+    seen = vision.bearing(direction_rad, torch.zeros(4), torch.zeros(4), 1.0)
     assert seen.tolist() == [-1, -1, 1, -1]
 
 
@@ -108,6 +109,6 @@ def test_noise_comes_after_the_wrap():
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_precision_and_shape_are_kept(dtype):
-    seen = vision.bearing(*torch.ones(4, 2, 3, 1, dtype=dtype), 1.0)
+    seen = vision.bearing(*torch.ones(3, 2, 3, 1, dtype=dtype), 1.0)
     assert seen.dtype == dtype
     assert seen.shape == (2, 3, 1)

@@ -4,7 +4,7 @@ import math
 
 from envs.world import World
 
-from .splitmix import draw
+from .pcg import draw
 
 FOR_STEP, FOR_START = 0, 1
 

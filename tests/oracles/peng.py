@@ -64,11 +64,14 @@ def peng_q_lambda(
             ahead = 0.0 if terminated else max(q[after])
             error = reward + gamma * ahead - max(q[state])  # d
             chosen_error = reward + gamma * ahead - q[state][action]  # e
+            decay = gamma * lam
             for s in range(states):
                 for a in range(actions):
-                    trace[s][a] = gamma * lam * trace[s][a]  # f
                     chosen = (s, a) == (state, action)  # g
-                    q[s][a] += alpha * (error * trace[s][a] + (chosen_error if chosen else 0.0))
+                    # δ·(γλTr), rounded as the program does it: (δ·γλ)·Tr
+                    credit = error * decay * trace[s][a]
+                    q[s][a] += alpha * (credit + (chosen_error if chosen else 0.0))
+                    trace[s][a] = decay * trace[s][a]  # f
             trace[state][action] += 1  # h
             if done:
                 trace = [[0.0] * actions for _ in range(states)]

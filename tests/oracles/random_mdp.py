@@ -14,8 +14,8 @@ from envs import streams
 from envs.pure import WHEN, PureEnv
 from envs.streams import Stream
 
+from .pcg import draw
 from .peng import Arrival
-from .splitmix import draw
 
 STATES, ACTIONS, BRANCHES = 5, 3, 4
 ONE_IN_SO_MANY_STEPS_TERMINATES = 8
@@ -52,13 +52,13 @@ class RandomMDP(PureEnv):
 
     def start(self, seed: Tensor, episode: Tensor) -> TensorDict:
         step = torch.zeros_like(episode)
-        words = streams.draw(seed, episode, step, Stream.START)
+        words = _unsigned(streams.draw(seed, episode, step, Stream.START))
         place = words[0] % STATES
         return self._pack(place, words, {"seed": seed, "episode": episode, "step": step})
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         when = {key: tensordict[key] for key in WHEN} | {"step": tensordict["step"] + 1}
-        words = streams.draw(*when.values(), Stream.STEP)
+        words = _unsigned(streams.draw(*when.values(), Stream.STEP))
         place = tensordict["place"].long()
         action = ((tensordict["action"] + 1) / 2 * (ACTIONS - 1)).round().long()
         after = torch.tensor(SUCCESSORS)[place, action, words[0] % BRANCHES]
@@ -99,6 +99,10 @@ class Walk:
             done=terminated or step >= TRUNCATED_AFTER_STEPS,
             chance=_uniform(words[2]),
         )
+
+
+def _unsigned(words: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+    return tuple(word.long() % 2**32 for word in words)
 
 
 def _uniform(word: int) -> float:

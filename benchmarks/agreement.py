@@ -1,0 +1,42 @@
+"""Do many runs learn the same whether the steps run eagerly or compiled?
+
+python benchmarks/agreement.py [runs]
+
+Eager and compiled differ in the last bits, so single histories part sooner or later; what the runs
+have learned on average, at every evaluation, must not.
+"""
+
+import sys
+
+import numpy as np
+from machine import describe_machine
+
+from fnnq_torchrl.compose import load_config
+from fnnq_torchrl.stats import mean_interval
+from fnnq_torchrl.trainer import Trainer
+
+
+def learn(engine: str, runs: int) -> tuple[np.ndarray, float]:
+    """The catches ``[runs, evaluations]``, and the seconds that learning took."""
+    trainer = Trainer(load_config("lam=0.2", f"num_seeds={runs}", f"engine={engine}"))
+    trainer.learn()
+    return trainer.evaluate().catches, trainer.train_seconds
+
+
+def main() -> None:
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
+    (eager, eager_s), (compiled, compiled_s) = (learn(name, runs) for name in ("eager", "compiled"))
+    # The same seeds, so run by run: less is left to chance.
+    differences = compiled - eager
+    _, low, high = mean_interval(differences[:, 1:].mean(1))
+    each = mean_interval(differences[:, 1:])
+    apart = int(((each.low > 0) | (each.high < 0)).sum())
+    print(describe_machine())
+    print(f"{runs:,} runs, λ = 0.2, compiled against eager ({compiled_s:.0f} s, {eager_s:.0f} s)")
+    print(f"  mean score    {compiled[:, 1:].mean():.3f} against {eager[:, 1:].mean():.3f}")
+    print(f"  difference    95 % interval {low:+.4f} to {high:+.4f}")
+    print(f"  evaluations   {apart} of {len(each.mean)} whose 95 % interval leaves 0 out")
+
+
+if __name__ == "__main__":
+    main()

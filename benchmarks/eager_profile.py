@@ -1,0 +1,182 @@
+"""Where do the microseconds of one learning step go, if it runs eagerly?
+
+python benchmarks/eager_profile.py [runs …]
+"""
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+from unittest.mock import patch
+
+import torch
+from tables import short, table
+from tensordict import TensorDictBase
+from torch.utils._python_dispatch import TorchDispatchMode
+
+from envs import ball, streams
+from envs.follow_ball import FollowBall
+from fnnq_torchrl import program
+from fnnq_torchrl.compose import load_config
+from fnnq_torchrl.lanes import lanes_for
+from fnnq_torchrl.program import Program
+from fnnq_torchrl.threads import threads_for
+from fnnq_torchrl.trainer import Trainer
+
+# Where a step looks its parts up.
+PARTS = {
+    "act": [(program, "act")],
+    "env.step": [(FollowBall, "step")],
+    "slope": [(Program, "_slope")],
+    "credit": [(program, "credit_weights")],
+    "restart": [(FollowBall, "restart")],
+    "draws": [
+        *((streams, name) for name in ("draw", "uniform", "spare_uniform", "normal")),
+        *((ball, name) for name in ("uniform", "coin")),
+    ],
+}
+REST = "the rest"
+CHUNKS, STEPS = 20, 25
+
+Advance = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Profile:
+    lanes: int
+    whole_us: float  # of a step that nothing watches
+    parts_us: dict[str, float]
+    operations: Counter[str]
+
+
+class Stopwatch:
+    """Whose turn it is: a part that calls another doesn't count the other's time as its own."""
+
+    def __init__(self) -> None:
+        self.turns = [REST]
+        self.restart()
+
+    def restart(self) -> None:
+        self.seconds: Counter[str] = Counter()
+        self._since = time.perf_counter()
+
+    def split(self) -> None:
+        now = time.perf_counter()
+        self.seconds[self.turns[-1]] += now - self._since
+        self._since = now
+
+    def timed(self, part: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def wrapped(*args: Any, **kwargs: Any) -> Any:
+            self.split()
+            self.turns.append(part)
+            try:
+                return function(*args, **kwargs)
+            finally:
+                self.split()
+                self.turns.pop()
+
+        return wrapped
+
+    @contextmanager
+    def watching(self) -> Iterator[None]:
+        """Time every part by itself, within the block."""
+        patches = [
+            patch.object(owner, name, self.timed(part, getattr(owner, name)))
+            for part, places in PARTS.items()
+            for owner, name in places
+        ]
+        for each in patches:
+            each.start()
+        self.restart()
+        try:
+            yield
+        finally:
+            self.split()
+            for each in reversed(patches):
+                each.stop()
+
+
+class OperationCount(TorchDispatchMode):
+    """Counts aten operations, the gradient's included, by the part whose turn it is."""
+
+    def __init__(self, stopwatch: Stopwatch) -> None:
+        super().__init__()
+        self._stopwatch = stopwatch
+        self.operations: Counter[str] = Counter()
+
+    def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        self.operations[self._stopwatch.turns[-1]] += 1
+        return func(*args, **(kwargs or {}))
+
+
+def make_step(runs: int) -> tuple[Advance, int, int]:
+    """What advances so many runs by a step, as `Trainer.learn` has it; its lanes and elements."""
+    config = load_config("lam=0.2", "engine=eager", f"num_seeds={runs}")
+    trainer = Trainer(config)
+    lanes = lanes_for(runs, trainer.engine.workers, trainer.engine.most_lanes)
+    learner = trainer.make_program(lanes)
+    run: TensorDictBase = trainer.run[torch.arange(lanes).clamp(max=runs - 1)]
+    state = learner.begin(run)
+
+    def advance() -> None:
+        nonlocal state
+        state = learner.step(run, state)
+
+    return advance, lanes, lanes * config.action.candidates
+
+
+@torch.no_grad()
+def profile(runs: int) -> Profile:
+    """Steps with and without a stopwatch in turn, since what else the machine does varies."""
+    advance, lanes, elements = make_step(runs)
+    stopwatch = Stopwatch()
+    whole, parts = [], []
+    with threads_for(elements):
+        for _ in range(2 * STEPS):
+            advance()  # warms up
+        for _ in range(CHUNKS):
+            start = time.perf_counter()
+            for _ in range(STEPS):
+                advance()
+            whole.append(time.perf_counter() - start)
+            with stopwatch.watching():
+                for _ in range(STEPS):
+                    advance()
+            parts.append(stopwatch.seconds)
+        with stopwatch.watching(), OperationCount(stopwatch) as count:
+            advance()
+    us = 1e6 / STEPS
+    return Profile(
+        lanes,
+        us * median(whole),
+        {part: us * median(chunk[part] for chunk in parts) for part in (*PARTS, REST)},
+        count.operations,
+    )
+
+
+def profile_table(sizes: list[int]) -> str:
+    profiles = [profile(runs) for runs in sizes]
+    operations = profiles[0].operations
+    rows = [
+        [part, str(operations[part]), *(short(each.parts_us[part]) for each in profiles)]
+        for part in (*PARTS, REST)
+    ]
+    whole = ["a step", str(operations.total()), *(short(each.whole_us) for each in profiles)]
+    heads = [
+        f"µs, {runs:,} runs on {each.lanes:,} lanes"
+        for runs, each in zip(sizes, profiles, strict=True)
+    ]
+    return table(["part", "aten operations", *heads], [*rows, whole])
+
+
+def main() -> None:
+    sizes = [int(size) for size in sys.argv[1:]] or [22, 110]
+    print(profile_table(sizes))
+
+
+if __name__ == "__main__":
+    main()

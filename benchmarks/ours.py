@@ -1,0 +1,98 @@
+"""The learning of a compiled job, without its evaluation and files: how fast, in what memory?
+
+python benchmarks/ours.py num_seeds=22 situations=20     learns anew at every line on stdin
+"""
+
+import json
+import subprocess
+import sys
+from dataclasses import asdict, dataclass, replace
+from typing import Self
+
+from watched import memory_bytes
+
+
+@dataclass(frozen=True)
+class Learned:
+    steps: int  # learning steps of all runs, each up to the end of its last situation
+    seconds: float  # without compiling
+    compile_seconds: float  # 0 from the second time on
+    resident_bytes: int  # before learning: at first, what the imports take
+    peak_bytes: int
+
+    @property
+    def rate(self) -> float:
+        """Million learning steps a second."""
+        return self.steps / self.seconds / 1e6
+
+
+class Learner:
+    """A process that learns the same again and again, compiled once.
+
+    With one of its own, a number of runs shares neither memory nor threads with another, and
+    yardsticks can take turns with it.
+    """
+
+    def __init__(self, runs: int, situations: int) -> None:
+        self._overrides = [f"num_seeds={runs}", f"situations={situations}"]
+
+    def __enter__(self) -> Self:
+        self._process = subprocess.Popen(
+            [sys.executable, __file__, *self._overrides],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self._read()  # imports are over, and disturb nothing that is measured
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._process.communicate()
+
+    def learn(self) -> Learned:
+        assert self._process.stdin is not None
+        print("learn", file=self._process.stdin, flush=True)
+        return Learned(**json.loads(self._read()))
+
+    def _read(self) -> str:
+        assert self._process.stdout is not None
+        if not (line := self._process.stdout.readline()):
+            raise RuntimeError(f"{self._overrides}: stopped, for what stands above")
+        return line
+
+
+def main() -> None:
+    from tensordict import TensorDictBase
+
+    from fnnq_torchrl.compose import load_config
+    from fnnq_torchrl.loops import Loop, Step
+    from fnnq_torchrl.trainer import Trainer
+
+    config = load_config("lam=0.2", "engine=compiled", *sys.argv[1:])
+    engine = Trainer(config).engine
+
+    made: list[Loop] = []
+
+    def make_loop(step: Step, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+        if not made:  # the trace of a step holds numbers alone, the same for every trainer
+            made.append(engine.make_loop(step, stays, state))
+        return made[0]
+
+    print("ready", flush=True)
+    for _ in sys.stdin:
+        trainer = Trainer(config)
+        trainer.engine = replace(engine, make_loop=make_loop)
+        resident = memory_bytes("VmRSS")
+        trainer.learn()
+        learned = Learned(
+            steps=trainer.learning_steps,
+            seconds=trainer.train_seconds,
+            compile_seconds=trainer.compile_seconds,
+            resident_bytes=resident,
+            peak_bytes=memory_bytes("VmHWM"),
+        )
+        print(json.dumps(asdict(learned)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,186 @@
+"""How fast do runs learn, beside the same experiment in C and in JAX, and in how much memory?
+
+python benchmarks/speed.py [--write docs/performance.md] [--large]
+
+All sides take turns, since what else the machine does varies. A learning step is one step of the
+world and one Q(λ) update of one run.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from command import PARTS, CommandRun, measure, train_command
+from machine import describe_machine
+from ours import Learned, Learner
+from page import write_page
+from tables import NOT_MEASURED, in_bytes, median_of, ratio, short, spread, table
+from yardsticks import (
+    FOLDER,
+    JAX_PYTHON,
+    Reading,
+    build_c_limit,
+    measure_c_limit,
+    measure_jax,
+    nearest,
+)
+
+RUNS = [22, 110, 1104, 11008, 49984]
+LARGE = 100_000
+MEMORY_RUNS = 11_008
+
+
+@dataclass
+class Size:
+    """What was measured with so many runs, repetition by repetition."""
+
+    runs: int
+    situations: int
+    ours: list[Learned] = field(default_factory=list)
+    c: list[Reading] = field(default_factory=list)
+    jax: list[Reading] = field(default_factory=list)
+    fresh: Learned | None = None  # in a new process that finds the program in the cache
+
+
+def measure_sizes(sizes: list[Size], repetitions: int, folder: Path, jax: Path) -> None:
+    with tempfile.TemporaryDirectory() as directory, ExitStack() as processes:
+        c_limit = build_c_limit(folder, Path(directory))
+        learners = [processes.enter_context(Learner(size.runs, size.situations)) for size in sizes]
+        for repetition in range(repetitions):
+            readings = measure_jax(folder, jax)
+            for size, learner in zip(sizes, learners, strict=True):
+                if c_limit is not None:
+                    size.c.append(measure_c_limit(c_limit, size.runs))
+                size.ours.append(learner.learn())
+                if reading := nearest(readings, size.runs):
+                    size.jax.append(reading)
+                told = f"{size.runs:,} runs: {short(size.ours[-1].rate)} M learning steps/s"
+                print(f"{repetition + 1}/{repetitions}, {told}", file=sys.stderr, flush=True)
+    for size in {id(size): size for size in compared(sizes)}.values():
+        with Learner(size.runs, size.situations) as learner:
+            size.fresh = learner.learn()
+
+
+def compared(sizes: list[Size]) -> tuple[Size, Size]:
+    """The fewest runs, and those whose memory is asked for."""
+    return sizes[0], next((size for size in sizes if size.runs == MEMORY_RUNS), sizes[-1])
+
+
+def speed_table(sizes: list[Size]) -> str:
+    rows = []
+    for size in sizes:
+        rates = [[one.rate for one in side] for side in (size.c, size.jax, size.ours)]
+        c, jax, ours = rates
+        cells = [*map(spread, rates), ratio(ours, jax), ratio(ours, c)]
+        rows.append([f"{size.runs:,}", f"{size.situations:,}", *cells])
+    return table(["runs", "situations", "C limit", "JAX", "ours", "ours/JAX", "ours/C"], rows)
+
+
+def compile_table(sizes: list[Size]) -> str:
+    rows = [
+        [
+            f"{size.runs:,}",
+            short(size.fresh.compile_seconds),
+            spread([one.first_call_seconds for one in size.jax]),
+        ]
+        for size in sizes
+        if size.fresh
+    ]
+    return table(["runs", "ours, from the cache", "JAX, first call"], rows)
+
+
+def memory_table(sizes: list[Size]) -> str:
+    """What the process takes, and what each run takes that the fewest don't have."""
+    few, size = compared(sizes)
+    assert few.fresh is not None
+    assert size.fresh is not None
+    before, ours = size.fresh.resident_bytes, size.fresh.peak_bytes
+    c = median_of(one.peak_bytes for one in size.c)
+    rows = [
+        [f"peak with {size.runs:,} runs", in_bytes(ours), in_bytes(c)],
+        ["of which before learning", in_bytes(before), in_bytes(0)],
+        ["the rest, for each run", in_bytes((ours - before) / size.runs), in_bytes(c / size.runs)],
+    ]
+    if more := size.runs - few.runs:
+        ours -= few.fresh.peak_bytes
+        c -= median_of(one.peak_bytes for one in few.c)
+        added = f"what each run more than {few.runs:,} adds"
+        rows.append([added, in_bytes(ours / more), in_bytes(c / more)])
+    if not size.c:
+        rows = [[label, of_ours, NOT_MEASURED] for label, of_ours, _ in rows]
+    return table(["", "ours", "C limit"], rows)
+
+
+def command_table(runs: int, repetitions: int) -> str:
+    """The whole command, with an empty cache of compiled programs and then with a full one."""
+    if not runs:
+        return NOT_MEASURED
+    with tempfile.TemporaryDirectory() as cache:
+        environment = {"TORCHINDUCTOR_CACHE_DIR": cache}
+        cold, *warm = (measure(runs, environment) for _ in range(1 + repetitions))
+    rows = [
+        [key, short(cold.seconds[key]), spread([one.seconds[key] for one in warm])]
+        for key in cold.seconds
+    ]
+    rest = [short(_rest(cold)), spread([*map(_rest, warm)])]
+    title = f"`python {' '.join(train_command(runs))}`, seconds"
+    return table([title, "cold", "warm"], [*rows, ["the rest", *rest]])
+
+
+def _rest(run: CommandRun) -> float:
+    return run.seconds["whole command"] - sum(run.seconds[part] for part in PARTS)
+
+
+def large_line() -> str:
+    run = measure(LARGE)
+    return (
+        f"`python {' '.join(train_command(LARGE))}`, 200 situations each, evaluation and files "
+        f"included, took {in_bytes(run.peak_bytes)} at its peak "
+        f"({short(run.seconds['whole command'])} s)."
+    )
+
+
+def eager_table() -> str:
+    script = Path(__file__).with_name("eager_profile.py")
+    return subprocess.check_output([sys.executable, script], text=True).strip()
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, nargs="+", default=RUNS)
+    parser.add_argument("--situations", type=int, help="of each run; by default 200, or fewer")
+    parser.add_argument("--repetitions", type=int, default=3)
+    parser.add_argument("--command-runs", type=int, default=10_000, help="0: not the command")
+    parser.add_argument("--large", action="store_true", help=f"{LARGE:,} runs too: minutes more")
+    parser.add_argument("--yardsticks", type=Path, default=FOLDER, help="where their sources are")
+    parser.add_argument("--jax", type=Path, default=JAX_PYTHON, help="a Python that has JAX")
+    parser.add_argument("--write", type=Path, help="the page to write; what is by hand in it stays")
+    return parser.parse_args()
+
+
+def main() -> None:
+    given = arguments()
+    # Fewer for the most runs, to keep the benchmark short.
+    sizes = [Size(runs, given.situations or (50 if runs > 20_000 else 200)) for runs in given.runs]
+    measure_sizes(sizes, given.repetitions, given.yardsticks, given.jax)
+    sections = {
+        "machine": describe_machine(),
+        "repetitions": str(given.repetitions),
+        "speed": speed_table(sizes),
+        "compile": compile_table(sizes),
+        "memory": memory_table(sizes),
+        "command": command_table(given.command_runs, given.repetitions),
+        "large": large_line() if given.large else f"{LARGE:,} runs: {NOT_MEASURED}.",
+        "eager": eager_table() if given.write else "python benchmarks/eager_profile.py",
+    }
+    print("\n\n".join(sections.values()))
+    if given.write:
+        write_page(given.write, sections)
+
+
+if __name__ == "__main__":
+    main()

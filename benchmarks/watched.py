@@ -1,0 +1,62 @@
+"""Runs a command and watches how long it takes and how much memory."""
+
+import os
+import subprocess
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+_LOOK_SECONDS = 0.02
+
+
+@dataclass(frozen=True)
+class Finished:
+    output: str
+    seconds: float
+    peak_bytes: int  # of resident memory; 0 where there is no /proc
+
+
+def run_watched(command: Sequence[str], environment: Mapping[str, str] | None = None) -> Finished:
+    """Run a command to its end.
+
+    Its memory is looked at while it runs, since getrusage counts what its parent held as well.
+
+    Args:
+        command: the program and its arguments.
+        environment: variables to set besides our own.
+
+    Raises:
+        CalledProcessError: it failed; what it said on stderr is a note of the error.
+    """
+    start, peak = time.perf_counter(), 0
+    with subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | dict(environment or {}),
+    ) as process:
+        while True:
+            peak = max(peak, memory_bytes("VmHWM", process.pid))
+            try:
+                output, complaint = process.communicate(timeout=_LOOK_SECONDS)
+            except subprocess.TimeoutExpired:
+                continue
+            break
+    seconds = time.perf_counter() - start
+    if process.returncode:
+        error = subprocess.CalledProcessError(process.returncode, command, output, complaint)
+        error.add_note(complaint)
+        raise error
+    return Finished(output, seconds, peak)
+
+
+def memory_bytes(entry: str, process: int | str = "self") -> int:
+    """``VmRSS``, what is resident, or ``VmHWM``, the most that was; 0 if that can't be known."""
+    try:
+        lines = Path(f"/proc/{process}/status").read_text().splitlines()
+    except OSError:
+        return 0
+    found = (line.split()[1] for line in lines if line.startswith(f"{entry}:"))
+    return 1024 * int(next(found, 0))

@@ -1,0 +1,100 @@
+"""Many jobs on few lanes: where one is done, the next begins."""
+
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from threading import Lock
+from typing import Protocol
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from fnnq_torchrl.lanes import repeat_last
+
+
+class Task(Protocol):
+    """Jobs of one kind, numbered from 0, which differ in how many steps they take."""
+
+    def begin(self, jobs: Tensor) -> tuple[TensorDictBase, TensorDictBase]:
+        """What stays, and the state, of jobs that are to begin; each of batch size ``[lanes]``.
+
+        Args:
+            jobs: their numbers, int64 ``[lanes]``.
+        """
+
+    def advance(self, stays: TensorDictBase, state: TensorDictBase) -> TensorDictBase:
+        """The state some steps later."""
+
+    def collect(self, jobs: Tensor, state: TensorDictBase) -> Tensor:
+        """Keep what is new; called after every advance, by one worker at a time.
+
+        Args:
+            jobs: the number of each lane's job, −1 where there is none, int64 ``[lanes]``.
+            state: theirs.
+
+        Returns:
+            Which lanes are done with their job, bool ``[lanes]``.
+        """
+
+
+class _Queue:
+    """Hands out job numbers, each once, to whichever thread asks."""
+
+    def __init__(self, jobs: int) -> None:
+        self.closed = False
+        self._next, self._end = 0, jobs
+        self._lock = Lock()
+
+    def take(self, count: int) -> Tensor:
+        """The next numbers, as many as asked for or as there are left."""
+        with self._lock:
+            first = self._next
+            self._next = min(self._end, first + count)
+            return torch.arange(first, self._next)
+
+
+def work_through(task: Task, jobs: int, lanes: int, workers: int) -> None:
+    """Do all jobs of a task.
+
+    Jobs know nothing of each other, so what becomes of them depends neither on the lanes nor on
+    the workers.
+
+    Args:
+        task: what to do.
+        jobs: how many there are.
+        lanes: how many a worker does side by side.
+        workers: threads, which pays if the task's ``advance`` leaves the interpreter to others.
+    """
+    queue, turn = _Queue(jobs), Lock()
+    if workers == 1:
+        _work(task, queue, lanes, turn)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        shifts = [pool.submit(_work, task, queue, lanes, turn) for _ in range(workers)]
+        try:
+            wait(shifts, return_when=FIRST_EXCEPTION)
+        finally:
+            queue.closed = True  # after a failure or Ctrl-C, the others need not go on
+    for shift in shifts:
+        shift.result()
+
+
+@torch.no_grad()
+def _work(task: Task, queue: _Queue, lanes: int, turn: Lock) -> None:
+    fresh = queue.take(lanes)
+    if not len(fresh):
+        return
+    stays, state = task.begin(repeat_last(fresh, lanes))
+    jobs = torch.full((lanes,), -1)
+    jobs[: len(fresh)] = fresh
+    while (jobs >= 0).any() and not queue.closed:
+        state = task.advance(stays, state)
+        with turn:
+            done = task.collect(jobs, state)
+        jobs[done] = -1
+        idle = (jobs < 0).nonzero().squeeze(-1)
+        fresh = queue.take(len(idle))
+        if len(fresh):
+            idle = idle[: len(fresh)]
+            jobs[idle] = fresh
+            for old, new in zip((stays, state), task.begin(repeat_last(fresh, lanes)), strict=True):
+                old[idle] = new[: len(fresh)]
