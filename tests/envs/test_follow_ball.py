@@ -1,7 +1,6 @@
 """The follow-the-ball world: against its twin, at home in TorchRL, and a run on its own."""
 
 import math
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -297,20 +296,6 @@ def test_step_and_restart_trace_whole(world, follow):
         torch.testing.assert_close(
             go_on(state).to_dict(), history[:, step + 1].select(*STATE, *SEEN, *WHEN).to_dict()
         )
-
-
-@compiles
-@pytest.mark.skipif(not shutil.which("g++"), reason="Inductor needs a C++ compiler")
-def test_a_compiled_step_agrees(world, wander):
-    env = FollowBall(world, [LANES])
-    state = wander(env.reset())
-    # Scalar code, for which Inductor needn't probe the vector units, compiles fastest.
-    scalar = {"cpp.simdlen": 1, "cpp.vec_isa_ok": True}
-    compiled = torch.compile(env.step, fullgraph=True, options=scalar)
-    after = compiled(state.clone())["next"]
-    expected = env.step(state)["next"]
-    assert (after.select(*WHEN, "chance") == expected.select(*WHEN, "chance")).all()
-    torch.testing.assert_close(after.to_dict(), expected.to_dict())
 
 
 # -- a run is on its own --------------------------------------------------------------------------
