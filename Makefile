@@ -45,8 +45,8 @@ format: install  ## rewrite the code as ruff would have it
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-clean:  ## remove .venv, dist and caches, never outputs/
-	rm -rf $(VENV) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
+clean:  ## remove .venv, the JAX environment, dist and caches, never outputs/
+	rm -rf $(VENV) $(JAX) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 # The pins hold for build backends too: from pip 25.3 on they have a variable of their own.
 $(STAMP): export PIP_CONSTRAINT := constraints.txt

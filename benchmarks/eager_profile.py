@@ -15,14 +15,13 @@ from unittest.mock import patch
 
 import torch
 from tables import short, table
-from tensordict import TensorDictBase
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from envs import ball, streams
 from envs.follow_ball import FollowBall
 from fnnq_torchrl import program
 from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.lanes import lanes_for
+from fnnq_torchrl.lanes import lanes_for, repeat_last
 from fnnq_torchrl.program import Program
 from fnnq_torchrl.threads import threads_for
 from fnnq_torchrl.trainer import Trainer
@@ -119,7 +118,7 @@ def make_step(runs: int) -> tuple[Advance, int, int]:
     trainer = Trainer(config)
     lanes = lanes_for(runs, trainer.engine.workers, trainer.engine.most_lanes)
     learner = trainer.make_program(lanes)
-    run: TensorDictBase = trainer.run[torch.arange(lanes).clamp(max=runs - 1)]
+    run = repeat_last(trainer.run, lanes)
     state = learner.begin(run)
 
     def advance() -> None:

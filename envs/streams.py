@@ -6,8 +6,8 @@ there is no generator state to save.
 
 The hash is pcg4d, from four 32-bit words to four, with a round more: with its own two rounds the
 low bits of neighbouring runs and episodes are not independent, with three no test finds any fault
-(``tests/envs/test_streams.py``). It multiplies 32-bit integers only, which every processor does
-eight or more at a time; the 64-bit products of SplitMix64 or Philox, on most, one by one.
+(``tests/envs/test_streams.py``). It multiplies 32-bit integers only, of which AVX2 does eight at a
+time; the 64-bit products of SplitMix64 or Philox it does one by one.
 
 Source: M. Jarzynski, M. Olano, "Hash functions for GPU rendering", Journal of Computer Graphics
 Techniques 9(3), 2020.

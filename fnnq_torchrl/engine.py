@@ -14,7 +14,7 @@ from fnnq_torchrl.loops import MakeLoop, eager_loop
 from fnnq_torchrl.threads import threads_for
 
 _WORTH_COMPILING = 8_000
-"""Steps of a loop from which on compiling it takes less time than it saves, measured."""
+"""Steps of a loop from which on compiling it pays: at 4 ms an eager step, half a minute."""
 
 _MEAN_SITUATION = 1 / 2
 """Of the time limit: about how long a situation takes, between not at all and to the end."""

@@ -9,7 +9,6 @@ from torch import Tensor
 from envs.follow_ball import FollowBall
 from envs.world import World
 from fnnq_torchrl.engine import Engine
-from fnnq_torchrl.loops import Loop
 from fnnq_torchrl.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.program import act
 from fnnq_torchrl.values import ValueNetwork
@@ -37,6 +36,8 @@ class Playing:
         situations: starts of the ball (φ₀, ω_b), in rad and rad/s, ``[situations, 2]``.
         weights: the snapshots, by name, batch size ``[evaluations, runs]``.
         seed: the runs' seeds, int64 ``[runs, 1]``.
+        engine: makes the loop, for ``lanes``.
+        lanes: how many situations are played side by side.
         on_progress: is told how many situations, of all snapshots together, are played.
     """
 
@@ -47,23 +48,19 @@ class Playing:
         situations: Tensor,
         weights: TensorDictBase,
         seed: Tensor,
+        engine: Engine,
+        lanes: int,
         on_progress: Callable[[int], None],
     ) -> None:
         evaluations, self._runs = weights.batch_size
         self.jobs = evaluations * self._runs * len(situations)
         self.catches = torch.zeros(evaluations, self._runs, dtype=torch.int64)
         self._policy = EpsilonGreedyPolicy(value_network, epsilon=0.0)
-        self._world, self._situations = world, situations
-        self._env: FollowBall
+        self._situations = situations
+        self._env = FollowBall(world, [lanes], dtype=situations.dtype, device=situations.device)
         self._weights = weights.view(evaluations * self._runs)
         self._seed = seed
         self._played, self._on_progress = 0, on_progress
-        self._loop: Loop
-
-    def prepare(self, engine: Engine, lanes: int) -> None:
-        """Make the loop, for so many lanes."""
-        like = self._situations
-        self._env = FollowBall(self._world, [lanes], dtype=like.dtype, device=like.device)
         example = self.begin(torch.zeros(lanes, dtype=torch.int64))
         self._loop = engine.make_loop(self._step, *example)
 

@@ -6,20 +6,20 @@ batch padded, every lane takes the same path. Padding lanes repeat the last run;
 and are never reported.
 """
 
+from typing import TypeVar
+
 import torch
+from tensordict import TensorDictBase
 from torch import Tensor
+
+Values = TypeVar("Values", Tensor, TensorDictBase)
 
 LANES = 32
 """16 are not enough: tried on AVX2 and AVX-512."""
 
 
-def pad(values: Tensor) -> Tensor:
-    """The values ``[runs, ...]``, the last repeated, up to a whole multiple of ``LANES``."""
-    return repeat_last(values, -(-len(values) // LANES) * LANES)
-
-
-def repeat_last(values: Tensor, lanes: int) -> Tensor:
-    """The values ``[runs, ...]``, the last repeated, up to ``[lanes, ...]``."""
+def repeat_last(values: Values, lanes: int) -> Values:
+    """The first values of ``[runs, ...]``, the last repeated if need be: ``[lanes, ...]``."""
     index = torch.arange(lanes, device=values.device)
     return values[index.clamp(max=len(values) - 1)]
 

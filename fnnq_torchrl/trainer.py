@@ -84,7 +84,7 @@ class Trainer:
         program = self.make_program(lanes)
         with engine.threads(lanes * config.action.candidates):
             start = time.perf_counter()
-            example = repeat_last(self.run[:lanes], lanes)
+            example = repeat_last(self.run, lanes)
             loop = engine.make_loop(program.step, example, program.begin(example))
             ready = time.perf_counter()
             learning = Learning(program, loop, self.run, config.situations, self._book, on_progress)
@@ -96,19 +96,20 @@ class Trainer:
     def evaluate(self, on_progress: OnProgress = lambda done: None) -> Outcome:
         """Score all snapshots of all runs, together."""
         config, engine = self.config, self.engine
-        start = time.perf_counter()
-        playing = Playing(
-            self._value_network(runs=1),
-            config.env,
-            torch.tensor(config.evaluation.situations, dtype=self.dtype, device=self.device),
-            self._book.pages["weights"],
-            self.run["seed"],
-            on_progress,
-        )
         # There is no trace to keep, and nothing is written to the weights: twice as many fit.
-        lanes = lanes_for(playing.jobs, engine.workers, 2 * engine.most_lanes)
+        lanes = lanes_for(self.situations_to_play, engine.workers, 2 * engine.most_lanes)
         with engine.threads(lanes * config.action.candidates):
-            playing.prepare(engine, lanes)
+            start = time.perf_counter()
+            playing = Playing(
+                self._value_network(runs=1),
+                config.env,
+                torch.tensor(config.evaluation.situations, dtype=self.dtype, device=self.device),
+                self._book.pages["weights"],
+                self.run["seed"],
+                engine,
+                lanes,
+                on_progress,
+            )
             ready = time.perf_counter()
             work_through(playing, playing.jobs, lanes, engine.workers)
         self.compile_seconds += ready - start

@@ -9,7 +9,7 @@ from torch import Tensor
 from envs.follow_ball import FollowBall
 from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import PER_RUN, Config
-from fnnq_torchrl.lanes import pad
+from fnnq_torchrl.lanes import LANES, Values, repeat_last
 from fnnq_torchrl.program import Program
 from fnnq_torchrl.values import ValueNetwork, make_value_network
 
@@ -28,9 +28,9 @@ def make_runs(config: Config, count: int, **columns: float | Tensor) -> TensorDi
     return TensorDict(tensors, batch_size=[count])
 
 
-def in_lanes(run: TensorDictBase) -> TensorDict:
-    """The same runs, padded as the trainer pads them."""
-    return run.apply(pad, batch_size=[]).auto_batch_size_(1)
+def in_lanes(runs: Values) -> Values:
+    """The same runs, the last repeated, on as few whole lanes as will do."""
+    return repeat_last(runs, -(-len(runs) // LANES) * LANES)
 
 
 def make_program(

@@ -32,16 +32,17 @@ def play(
     on_progress: Callable[[int], None] = lambda played: None,
 ) -> Tensor:
     """How many catches weights ``[evaluations, runs, 5, 4]`` make, ``[evaluations, runs]``."""
-    playing = Playing(
-        network or make_value_network(settings.value, CANDIDATES, runs=1),
-        settings.env,
-        torch.tensor(settings.evaluation.situations, dtype=torch.float64),
-        TensorDict({"weight": weights}, weights.shape[:2]),
-        torch.arange(first_seed, first_seed + weights.shape[1]).unsqueeze(-1),
-        on_progress,
-    )
     with torch.no_grad():
-        playing.prepare(make_engine("eager", torch.device("cpu")), lanes)
+        playing = Playing(
+            network or make_value_network(settings.value, CANDIDATES, runs=1),
+            settings.env,
+            torch.tensor(settings.evaluation.situations, dtype=torch.float64),
+            TensorDict({"weight": weights}, weights.shape[:2]),
+            torch.arange(first_seed, first_seed + weights.shape[1]).unsqueeze(-1),
+            make_engine("eager", torch.device("cpu")),
+            lanes,
+            on_progress,
+        )
     work_through(playing, playing.jobs, lanes, workers=1)
     return playing.catches
 

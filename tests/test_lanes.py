@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tensordict import TensorDict
 
-from fnnq_torchrl.lanes import LANES, lanes_for, pad
+from fnnq_torchrl.lanes import LANES, lanes_for
 
 from .programs import advance, config, in_lanes, make_program, make_runs
 
@@ -19,7 +19,7 @@ RUNS, STEPS = 22, 300
 @given(st.integers(1, 200))
 def test_padding_repeats_the_last_run_up_to_whole_lanes(runs: int) -> None:
     values = torch.arange(2 * runs).view(runs, 2)
-    padded = pad(values)
+    padded = in_lanes(values)
     assert len(padded) % LANES == 0
     assert len(padded) - runs < LANES
     assert torch.equal(padded[:runs], values)

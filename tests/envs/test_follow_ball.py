@@ -22,8 +22,9 @@ from torchrl.envs import (
 
 from envs.follow_ball import FollowBall
 from envs.world import World
-from fnnq_torchrl.lanes import LANES, pad
+from fnnq_torchrl.lanes import LANES
 from tests.oracles.follow_ball import FollowBallTwin
+from tests.programs import in_lanes
 
 Policy = Callable[[TensorDictBase], TensorDictBase]
 
@@ -315,12 +316,13 @@ def test_set_seed_gives_the_runs_the_seeds_that_follow(world, follow):
 @pytest.mark.parametrize("dtype", DTYPES, ids=str)
 def test_a_run_alone_equals_the_same_run_in_any_batch(dtype, world, follow):
     """Bit for bit, in full lanes, whoever is reset beside it, and when."""
-    alone = play(FollowBall(world, [LANES], seed=pad(torch.tensor([77])), dtype=dtype), follow, 200)
+    seeds = in_lanes(torch.tensor([77]))
+    alone = play(FollowBall(world, [LANES], seed=seeds, dtype=dtype), follow, 200)
     assert alone["episode"].max() >= 3
     for count, lane in ((40, 17), (96, 95)):
         seeds = 1000 + torch.arange(count)
         seeds[lane] = 77
-        seeds = pad(seeds)
+        seeds = in_lanes(seeds)
         batch = play(FollowBall(world, [len(seeds)], seed=seeds, dtype=dtype), follow, 200)
         assert (batch[lane] == alone[0]).all()
         assert not (batch["next", "done"] == batch["next", "done"][lane]).all()
