@@ -9,15 +9,13 @@ from torch import Tensor
 from envs.follow_ball import FollowBall
 from envs.world import World
 from fnnq_torchrl.engine import Engine
+from fnnq_torchrl.loops import Step
 from fnnq_torchrl.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.program import act
 from fnnq_torchrl.values import ValueNetwork
 
 FIRST_EPISODE = 2**32
 """Evaluations draw their random numbers as episodes from here on, which learning never reaches."""
-
-_STEPS = 30
-"""Between two looks at who is done: a look costs about as much as a step of many lanes."""
 
 
 class Playing:
@@ -56,13 +54,14 @@ class Playing:
         self.jobs = evaluations * self._runs * len(situations)
         self.catches = torch.zeros(evaluations, self._runs, dtype=torch.int64)
         self._policy = EpsilonGreedyPolicy(value_network, epsilon=0.0)
-        self._situations = situations
-        self._env = FollowBall(world, [lanes], dtype=situations.dtype, device=situations.device)
+        self._world, self._situations = world, situations
+        self._env = self._make_env(lanes)
         self._weights = weights.view(evaluations * self._runs)
         self._seed = seed
         self._played, self._on_progress = 0, on_progress
+        self.steps = world.time_limit_steps
         example = self.begin(torch.zeros(lanes, dtype=torch.int64))
-        self._loop = engine.make_loop(self._step, *example)
+        self.loop = engine.make_loop(self._make_step, *example)
 
     def begin(self, jobs: Tensor) -> tuple[TensorDict, TensorDict]:
         jobs = jobs.to(self._seed.device)
@@ -78,18 +77,26 @@ class Playing:
         no = torch.zeros_like(never, dtype=torch.bool)
         return stays, TensorDict({"world": world, "over": no, "caught": no.clone()}, **batch)
 
-    def _step(self, stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
-        world = act(self._policy, stays["weights"], stays["epsilon"], state["world"])
-        after = self._env.step(world)["next"]
-        caught = state["caught"] | ((after["reward"] > 0) & ~state["over"])
-        over = state["over"] | after["terminated"]
-        world = after.select(*state["world"].keys())
-        return TensorDict(
-            {"world": world, "over": over, "caught": caught}, state.batch_size, device=state.device
-        )
+    def _make_env(self, lanes: int) -> FollowBall:
+        like = self._situations
+        return FollowBall(self._world, [lanes], dtype=like.dtype, device=like.device)
 
-    def advance(self, stays: TensorDictBase, state: TensorDictBase) -> TensorDictBase:
-        return self._loop(stays, state, _STEPS)
+    def _make_step(self, lanes: int) -> Step:
+        env = self._make_env(lanes)
+
+        def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+            world = act(self._policy, stays["weights"], stays["epsilon"], state["world"])
+            after = env.step(world)["next"]
+            caught = state["caught"] | ((after["reward"] > 0) & ~state["over"])
+            over = state["over"] | after["terminated"]
+            world = after.select(*state["world"].keys())
+            return TensorDict(
+                {"world": world, "over": over, "caught": caught},
+                state.batch_size,
+                device=state.device,
+            )
+
+        return step
 
     def collect(self, jobs: Tensor, state: TensorDictBase) -> Tensor:
         over = state["over"].squeeze(-1).cpu()

@@ -18,7 +18,7 @@ class Learning:
         program: one learning step, for as many runs as there are lanes.
         loop: of that step.
         run: what each run is, ``[runs]``.
-        situations: after which a run is done.
+        situations: after which the runs are done.
         book: where the snapshots go.
         on_progress: is told how many situations, of all runs together, are done.
     """
@@ -33,9 +33,10 @@ class Learning:
         on_progress: Callable[[int], None],
     ) -> None:
         self.run = run
-        self._program, self._loop, self._book = program, loop, book
+        self.loop = loop
         # In so few steps no run can come to a second snapshot.
-        self._steps = program.env.fewest_steps * program.evaluate_every
+        self.steps = program.env.fewest_steps * program.evaluate_every
+        self._program, self._book = program, book
         self._situations = situations
         self._done = torch.zeros(len(run), dtype=torch.int64)
         self._on_progress = on_progress
@@ -44,13 +45,10 @@ class Learning:
         run = self.run[jobs.to(self.run.device)]
         return run, self._program.begin(run)
 
-    def advance(self, stays: TensorDictBase, state: TensorDictBase) -> TensorDictBase:
-        return self._loop(stays, state, self._steps)
-
     def collect(self, jobs: Tensor, state: TensorDictBase) -> Tensor:
         self._book.collect(jobs, state)
         situations = state["situations"].squeeze(-1).cpu().clamp(max=self._situations)
         busy = jobs >= 0
         self._done[jobs[busy]] = situations[busy]
         self._on_progress(int(self._done.sum()))
-        return situations == self._situations
+        return state["over"].squeeze(-1).cpu()

@@ -44,6 +44,7 @@ class Trainer:
         engine, self.engine_chosen = choose(config)
         self.engine = make_engine(engine, self.device)
         columns = {key: self._column(key, values) for key, values in run_columns(config).items()}
+        columns["situations"] = torch.full_like(columns["seed"], config.situations)
         self.run = TensorDict(columns, device=self.device).auto_batch_size_(1)
         evaluations = config.situations // config.evaluation.every + 1
         self.situations_to_learn = config.num_seeds * config.situations
@@ -85,7 +86,9 @@ class Trainer:
         with engine.threads(lanes * config.action.candidates):
             start = time.perf_counter()
             example = repeat_last(self.run, lanes)
-            loop = engine.make_loop(program.step, example, program.begin(example))
+            loop = engine.make_loop(
+                lambda lanes: self.make_program(lanes).step, example, program.begin(example)
+            )
             ready = time.perf_counter()
             learning = Learning(program, loop, self.run, config.situations, self._book, on_progress)
             work_through(learning, config.num_seeds, lanes, engine.workers)

@@ -4,8 +4,8 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from fnnq_torchrl import compiled
 from fnnq_torchrl.config import PER_RUN
+from fnnq_torchrl.graphs import leaves, trace
 from fnnq_torchrl.program import Program
 from fnnq_torchrl.values import FNNQValue
 
@@ -34,6 +34,7 @@ def mdp_runs() -> TensorDict:
         "alpha_decay": between(0.9, 1.0),
         "gamma": between(0.5, 1.0),
         "epsilon": torch.tensor([0.0, 0.1, 0.1, 0.5, 0.5, 1.0]).double().repeat_interleave(4),
+        "situations": torch.full((runs,), STEPS),
     }
     return TensorDict({key: value.unsqueeze(-1) for key, value in columns.items()}, [runs])
 
@@ -153,13 +154,13 @@ def test_a_step_traced_is_the_step() -> None:
     settings = config("machine.dtype=float64")
     run = make_runs(settings, 3)
     program = make_program(settings, run)
-    graph = compiled._trace(program.step, run, program.begin(run))
+    graph = trace(program.step, run, program.begin(run))
     state = advance(program, run, 9)
     for _ in range(6):  # an end is among them
-        before = compiled._leaves(state)
-        traced = graph(*compiled._leaves(run).values(), *before.values())
+        before = leaves(state)
+        traced = graph(*leaves(run).values(), *before.values())
         state = program.step(run, state)
-        expected = compiled._leaves(state)
+        expected = leaves(state)
         for key, value in zip(before, traced, strict=True):
             torch.testing.assert_close(value, expected[key], rtol=1e-12, atol=1e-14, msg=key)
     assert state["situations"].max() > 0

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
+from fnnq_torchrl.lanes import LANES
+from fnnq_torchrl.loops import EagerLoop, Step
 from fnnq_torchrl.work import work_through
 
 lengths = st.lists(st.integers(1, 9), max_size=40)
@@ -17,11 +19,22 @@ some_lanes = st.integers(1, 12)
 some_workers = st.integers(1, 4)
 
 
+class AnyLanes(EagerLoop):
+    """A loop that takes any number of lanes, as its step does."""
+
+    any_lanes = True
+
+    def __init__(self, step: Step) -> None:
+        empty = TensorDict({}, [0])
+        super().__init__(lambda lanes: step, empty, empty)
+
+
 class Collatz:
     """Job j iterates x ← x/2 or 3x + 1 + j, from 27 + j on, as often as its length says."""
 
     def __init__(self, lengths: Sequence[int]) -> None:
         self.lengths = torch.tensor(lengths, dtype=torch.int64)
+        self.loop, self.steps = AnyLanes(self.advance), 1
         self.begun: list[int] = []
         self.results: dict[int, int] = {}
         self.seen: list[Tensor] = []
@@ -99,6 +112,28 @@ def test_no_lane_is_idle_while_a_job_waits(lengths: list[int], lanes: int) -> No
         waiting = len(lengths) - len(known)
         assert waiting == 0 or (jobs >= 0).all()
     assert waiting == 0
+
+
+def test_lanes_are_given_up_when_no_job_waits_for_them() -> None:
+    lanes, shortest = 8 * LANES, 3
+    lengths = [shortest + job % 20 for job in range(2 * lanes)]
+    task = Collatz(lengths)
+    work_through(task, len(lengths), lanes, workers=1)
+    assert task.results == one_after_the_other(lengths)
+    for jobs in task.seen:
+        busy = int((jobs >= 0).sum())
+        waiting = len(lengths) - len({*task.begun})
+        assert waiting or len(jobs) <= max(LANES, 4 / 3 * busy + LANES) or jobs is task.seen[-1]
+    sizes = [len(jobs) for jobs in task.seen]
+    assert sizes == sorted(sizes, reverse=True)
+    assert (sizes[0], sizes[-1]) == (lanes, LANES)
+
+
+def test_a_loop_for_so_many_lanes_keeps_them() -> None:
+    task = Collatz([1 + job % 20 for job in range(4 * LANES)])
+    task.loop.any_lanes = False
+    work_through(task, 4 * LANES, 2 * LANES, workers=1)
+    assert {len(jobs) for jobs in task.seen} == {2 * LANES}
 
 
 def test_fewer_jobs_than_lanes() -> None:
