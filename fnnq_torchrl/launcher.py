@@ -4,7 +4,6 @@ Each job has what Hydra promises: its own directory with ``.hydra``, log and res
 return value. What is trained is a batch of all jobs that differ only in per-run values.
 """
 
-import copy
 import logging
 import os
 from collections.abc import Mapping, Sequence
@@ -22,7 +21,7 @@ from hydra.core.utils import (
     setup_globals,
 )
 from hydra.types import HydraContext, TaskFunction
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from envs.ranges import check
 from fnnq_torchrl.batches import JobFailed, LauncherConfig, Result, in_batches
@@ -73,7 +72,7 @@ class Multirun:
             ConfigError: a job isn't valid, or its directory is another's; nothing has run.
         """
         setup_globals()
-        self._log_as(self._config)
+        self._log()
         jobs = compose_jobs(self._context.config_loader, self._config, job_overrides, first)
         _check_directories([*self._jobs, *jobs])
         missing = [job for job in jobs if not job.is_finished()]
@@ -82,7 +81,7 @@ class Multirun:
         with env_override(self._config.hydra.job.env_set):
             results = self._run(missing, pictures=len(jobs) <= self._settings.pictures_up_to)
         returns = [self._end(job, _result(job, results)) for job in jobs]
-        self._log_as(self._config)
+        self._log()
         self._jobs += jobs
         self._write_whole()
         return returns
@@ -106,37 +105,34 @@ class Multirun:
             for job, result in zip(batch, of_batch, strict=True)
         }
 
+    def _log(self) -> None:
+        """Log as the sweep does: jobs that Hydra ran log into their own files."""
+        HydraConfig.instance().set_config(self._config)
+        configure_log(self._config.hydra.hydra_logging, self._config.hydra.verbose)
+
     def _end(self, job: SweptJob, result: Result) -> JobReturn:
         """The job's log, the callbacks, and what the sweeper gets."""
-        node = job.node
-        if self._context.callbacks.callbacks:  # they are due everything, and it takes its time
+        if self._context.callbacks.callbacks or isinstance(result, Exception):
 
-            def outcome(_: DictConfig) -> float | None:
+            def outcome(_: DictConfig) -> Result:
                 return _told(job, result)
 
-            return run_job(
+            return run_job(  # Hydra's own way, which takes its time
                 hydra_context=self._context,
                 task_function=outcome,
-                config=copy.deepcopy(node),
+                config=job.node(),
                 job_dir_key="hydra.sweep.dir",
                 job_subdir_key="hydra.sweep.subdir",
             )
-        self._log_as(node, of_job=True)
+        job.touch_logs()
         end = JobReturn(
-            overrides=OmegaConf.to_container(node.hydra.overrides.task),  # type: ignore[arg-type]
+            overrides=job.task_overrides,
             working_dir=os.getcwd(),
             task_name=JobRuntime.instance().get("name"),
+            status=JobStatus.COMPLETED,
         )
-        try:
-            end.return_value, end.status = _told(job, result), JobStatus.COMPLETED
-        except Exception as error:
-            end.return_value, end.status = error, JobStatus.FAILED
+        end.return_value = result
         return end
-
-    def _log_as(self, node: DictConfig, *, of_job: bool = False) -> None:
-        HydraConfig.instance().set_config(node)
-        hydra = node.hydra
-        configure_log(hydra.job_logging if of_job else hydra.hydra_logging, hydra.verbose)
 
     def _write_whole(self) -> None:
         """The sweep's own files, over all of its jobs so far."""
@@ -174,7 +170,7 @@ def _result(job: SweptJob, results: Mapping[Path, Result]) -> Result:
     return read_summary(job.directory / "summary.json")["mean_score"]
 
 
-def _told(job: SweptJob, result: Result) -> float | None:
+def _told(job: SweptJob, result: Result) -> Result:
     if isinstance(result, Exception):
         failed = JobFailed(f"{job} failed: {result}")
         log.error(str(failed))

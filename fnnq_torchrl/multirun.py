@@ -3,10 +3,11 @@
 Hydra takes a tenth of a second and more to compose a job, which is longer than many a job learns.
 """
 
+import copy
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from fnnq_torchrl.batches import Job
 from fnnq_torchrl.compose import explain, key_of
-from fnnq_torchrl.config import Config, ConfigError, to_config
+from fnnq_torchrl.config import ConfigError, to_config
 
 _WHOLE, _DECIMAL = r"0|[1-9]\d*", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBERS = [
@@ -26,9 +27,6 @@ _NUMBERS = [
     (re.compile(f"(lam|alpha|alpha_decay|gamma|epsilon)=({_DECIMAL})"), float),
 ]
 """The overrides that need no composing; whatever else may be said is Hydra's business."""
-
-# Of the hydra node, what differs from job to job.
-_OF_EACH_JOB = ("job", "overrides", "runtime")
 
 _Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # in C where it is to be had
 
@@ -39,6 +37,7 @@ class SweptJob:
     Attributes:
         number: of the job in its sweep.
         overrides: those that its sweeper gave it.
+        task_overrides: of these, those that aren't about Hydra itself.
         config: valid.
         directory: absolute; need not exist yet.
     """
@@ -51,9 +50,10 @@ class SweptJob:
         values: Mapping[str, Any],
     ) -> None:
         self.number, self.overrides = number, tuple(overrides)
+        self.task_overrides = [override for override in overrides if not _is_hydras(override)]
         self._template, self._values = template, values
         self.config = replace(template.config, **values)
-        self.directory = Path(self.node.hydra.runtime.output_dir)
+        self.directory = Path(os.path.abspath(self._place()))
 
     def __str__(self) -> str:
         return _name(self.number, self.overrides)
@@ -63,30 +63,63 @@ class SweptJob:
         """Without Hydra, to be trained."""
         return Job(self.config, self.directory)
 
-    @property
     def node(self) -> DictConfig:
-        """As Hydra composes it, with the ``hydra`` node; good until another job's is asked for."""
-        return self._template.filled(self.number, self.overrides, self._values)
+        """As Hydra composes it, with the ``hydra`` node. Takes its time."""
+        node = self._node()
+        with read_write(node.hydra):
+            node.hydra.runtime.output_dir = str(self.directory)
+        return node
+
+    def _node(self) -> DictConfig:
+        node = copy.deepcopy(self._template.node)
+        with read_write(node.hydra), open_dict(node.hydra.job):
+            node.hydra.job.update(self._of_job())
+            node.hydra.overrides.task = self.task_overrides
+        for key, value in self._values.items():
+            node[key] = value
+        return node
+
+    def _of_job(self) -> dict[str, Any]:
+        how = self._template.hydra["job"]["config"]["override_dirname"]
+        named = [line for line in self.task_overrides if key_of(line) not in how["exclude_keys"]]
+        # As Hydra makes it.
+        dirname = how["item_sep"].join(sorted(named)).replace("=", how["kv_sep"])
+        return {"id": str(self.number), "num": self.number, "override_dirname": dirname}
+
+    def _place(self) -> str:
+        """The directory as the user has it."""
+        below = self._template.hydra["sweep"]["subdir"]
+        for key in ("num", "override_dirname"):
+            below = below.replace(f"${{hydra.job.{key}}}", str(self._of_job()[key]))
+        if "${" in below:  # something else, which Hydra knows
+            below = self._node().hydra.sweep.subdir
+        return os.path.join(self._template.sweep_directory, str(below))
 
     def configuration(self) -> str:
         """The text of its ``.hydra/config.yaml``."""
-        return self._template.configuration(self._values)
+        return _yaml(self._template.plain | self._values)
 
     def write_configuration(self) -> None:
         """Make the directory, and in it the ``.hydra`` that `hydra.core.utils.run_job` makes."""
-        hydra = self.node.hydra
         self.directory.mkdir(parents=True, exist_ok=True)
-        if hydra.output_subdir is None:
+        if (folder := self._configuration_directory()) is None:
             return
-        folder = self.directory / hydra.output_subdir
         folder.mkdir(exist_ok=True)
-        texts = {
-            "config.yaml": self.configuration(),
-            "hydra.yaml": self._template.hydra(),
-            "overrides.yaml": _yaml(_plain(hydra.overrides.task)),
+        of_each = {
+            "job": self._of_job(),
+            "overrides": {"task": self.task_overrides},
+            "runtime": {"output_dir": str(self.directory)},
         }
-        for name, text in texts.items():
+        for name, text in {
+            "config.yaml": self.configuration(),
+            "hydra.yaml": self._template.hydra_yaml(of_each),
+            "overrides.yaml": _yaml(self.task_overrides),
+        }.items():
             (folder / name).write_text(text, encoding="utf-8")
+
+    def _configuration_directory(self) -> Path | None:
+        name = self._template.hydra["output_subdir"]
+        return None if name is None else self.directory / name
 
     def is_finished(self) -> bool:
         """Whether the directory holds this job's result.
@@ -94,11 +127,11 @@ class SweptJob:
         Raises:
             ConfigError: it holds another job.
         """
-        subdirectory = self._template.node.hydra.output_subdir
-        if subdirectory is None:  # nothing tells whose result it is
+        folder = self._configuration_directory()
+        if folder is None:  # nothing tells whose result it is
             return False
         try:
-            saved = (self.directory / subdirectory / "config.yaml").read_text(encoding="utf-8")
+            saved = (folder / "config.yaml").read_text(encoding="utf-8")
         except FileNotFoundError:
             return False
         if saved != self.configuration():
@@ -115,46 +148,36 @@ class SweptJob:
                     f"{key}={ours.get(key)}; name another directory in hydra.sweep.dir"
                 )
 
+    def touch_logs(self) -> None:
+        """Make the log files of a job that had nothing to log."""
+        for name in self._template.log_files:
+            (self.directory / name).touch()
 
-@dataclass
+
 class _Template:
-    """What Hydra composed for the first of some jobs, to be filled in for each of them."""
+    """What Hydra composed for the first of some jobs, to be filled in for each of them.
 
-    node: DictConfig
-    config: Config
+    Attributes:
+        node: everything.
+        config: valid.
+        plain: the same, as plain values.
+        hydra: the ``hydra`` node, as plain values, interpolations as they stand.
+        sweep_directory: as the user has it.
+        log_files: of a job, from its directory.
+    """
 
-    def __post_init__(self) -> None:
-        plain = _plain(self.node)
-        hydra = plain.pop("hydra")
-        self._plain = plain
-        self._common = {
-            key: _section(key, value) for key, value in hydra.items() if key not in _OF_EACH_JOB
-        }
-        self._keys = list(hydra)
+    def __init__(self, node: DictConfig) -> None:
+        task = _without_hydra(node)
+        self.node, self.config = node, to_config(task)
+        self.plain, self.hydra = _plain(task), _plain(node.hydra)
+        self.sweep_directory = str(node.hydra.sweep.dir)
+        self.log_files = _log_files(node)
+        self._texts = {key: _section(key, value) for key, value in self.hydra.items()}
 
-    def filled(
-        self, number: int, overrides: Sequence[str], values: Mapping[str, float]
-    ) -> DictConfig:
-        node, hydra = self.node, self.node.hydra
-        task = [override for override in overrides if not _is_hydras(override)]
-        with read_write(hydra), open_dict(hydra.job):
-            for key, value in values.items():
-                node[key] = value
-            hydra.job.id, hydra.job.num = str(number), number
-            hydra.overrides.task = task
-            hydra.job.override_dirname = _override_dirname(task, hydra.job.config.override_dirname)
-            directory = os.path.join(str(hydra.sweep.dir), str(hydra.sweep.subdir))
-            hydra.runtime.output_dir = os.path.abspath(directory)
-        return node
-
-    def configuration(self, values: Mapping[str, float]) -> str:
-        return _yaml(self._plain | values)
-
-    def hydra(self) -> str:
-        """The text of hydra.yaml for the job that was filled in last."""
-        own = {key: _plain(self.node.hydra[key]) for key in _OF_EACH_JOB}
-        texts = self._common | {key: _section(key, value) for key, value in own.items()}
-        return "hydra:\n" + "".join(texts[key] for key in self._keys)
+    def hydra_yaml(self, of_each: Mapping[str, Mapping[str, Any]]) -> str:
+        """The text of hydra.yaml, with values of the one job in some of its sections."""
+        own = {key: _section(key, self.hydra[key] | values) for key, values in of_each.items()}
+        return "hydra:\n" + "".join((self._texts | own).values())
 
 
 def compose_jobs(
@@ -195,13 +218,13 @@ def _compose(
     templates: dict[tuple[str, ...], _Template],
 ) -> SweptJob:
     values = dict(filter(None, map(_number, overrides)))
-    kind = tuple(override for override in overrides if not _number(override))
+    kind = tuple(key_of(line) if _number(line) else line for line in overrides)
     template = templates.get(kind)
     if template is None:
         node = loader.load_sweep_config(master, list(overrides))
-        template = _Template(node, to_config(_without_hydra(node)))
+        template = _Template(node)
         # A value that refers to another is not the same for all.
-        if not _refers(node):
+        if "${" not in _yaml(template.plain):
             templates[kind] = template
     return SweptJob(number, overrides, template, values)
 
@@ -218,8 +241,12 @@ def _without_hydra(node: DictConfig) -> DictConfig:
     return OmegaConf.masked_copy(node, [str(key) for key in node if key != "hydra"])
 
 
-def _refers(node: DictConfig) -> bool:
-    return "${" in OmegaConf.to_yaml(_without_hydra(node))
+def _log_files(node: DictConfig) -> list[str]:
+    hydra = copy.deepcopy(node).hydra
+    with read_write(hydra):
+        hydra.runtime.output_dir = "."
+    handlers = (hydra.job_logging or {}).get("handlers") or {}
+    return [handler.filename for handler in handlers.values() if "filename" in handler]
 
 
 def _name(number: int, overrides: Sequence[str]) -> str:
@@ -228,12 +255,6 @@ def _name(number: int, overrides: Sequence[str]) -> str:
 
 def _is_hydras(override: str) -> bool:
     return key_of(override).startswith(("hydra.", "hydra/"))
-
-
-def _override_dirname(overrides: Sequence[str], how: DictConfig) -> str:
-    """What Hydra makes of a job's overrides for ``${hydra.job.override_dirname}``."""
-    lines = [line for line in overrides if key_of(line) not in how.exclude_keys]
-    return str(how.item_sep).join(sorted(lines)).replace("=", how.kv_sep)
 
 
 def _plain(node: Any) -> Any:
