@@ -72,7 +72,7 @@ def run_on_cluster(
             f"{asked}: needs submitit; pip install 'fnnq_torchrl[cluster]'"
         ) from error
     try:
-        executor = submitit.AutoExecutor(folder / "%j", cluster=settings.cluster)
+        executor = submitit.AutoExecutor(folder, cluster=settings.cluster)
     except RuntimeError as error:
         raise ConfigError(f"{asked}: {error}") from error
     executor.update_parameters(

@@ -130,6 +130,6 @@ def _diverged(seeds: list[int]) -> str:
     named = ", ".join(map(str, seeds[:_NAMED]))
     more = f" and {len(seeds) - _NAMED:,} more" if len(seeds) > _NAMED else ""
     return (
-        f"seed{'s' if len(seeds) > 1 else ''} {named}{more} diverged: "
-        "their weights are no longer finite; a smaller alpha may help"
+        f"seed{'s' if len(seeds) > 1 else ''} {named}{more} diverged, "
+        "to weights that aren't finite; a smaller alpha may help"
     )
