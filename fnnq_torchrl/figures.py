@@ -24,7 +24,7 @@ _LINES = [(colour, style) for style, colour in product(("-", "--", ":", "-."), _
 _WIDTH_IN, _HEIGHT_IN, _DPI = 7.0, 4.2, 160
 _LABEL_PT = 9.0
 _SHORT_LABEL = 10  # letters that a picture of the usual width has room for
-_MOST_LABELS = 41
+_MOST_LABELS = 20  # more lines and bands can't be told apart
 _LABEL_PITCH_PT = 1.35 * _LABEL_PT  # from one label's middle to the next one's, at least
 
 
@@ -66,11 +66,12 @@ class Curve(NamedTuple):
         return self.catches[:, 1:].mean(axis=1)
 
 
-def sweep_curves(curves: Sequence[Curve], picture: Path, best: int) -> None:
+def sweep_curves(curves: Sequence[Curve], of: str, picture: Path, best: int) -> None:
     """Draw the mean score of a sweep's configurations, a curve and a band for each.
 
     Args:
         curves: in their order; at least one.
+        of: what there is one curve for each of, in the plural.
         picture: the file to write, atomically; its suffix is its format.
         best: the highest possible score.
 
@@ -78,7 +79,7 @@ def sweep_curves(curves: Sequence[Curve], picture: Path, best: int) -> None:
         OSError: the file cannot be written.
         ValueError: the format is unknown.
     """
-    _save(curves_figure(curves, "configurations", best), picture)
+    _save(curves_figure(curves, of, best), picture)
 
 
 def _save(figure: Figure, picture: Path) -> None:

@@ -65,9 +65,11 @@ def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
     if not done:
         return
     _write_evaluations(directory / "evaluations.csv", done, keys)
+    keys = [key for key in keys if key not in _WHICH_RUNS]
     curves = _curves(done, keys)
+    of = f"values of {_symbol(keys[0])}" if len(keys) == 1 else "configurations"
     picture = directory / "learning_curves.png"
-    sweep_curves(curves, picture, best=max(job.best for job in done))
+    sweep_curves(curves, of, picture, best=max(job.best for job in done))
     print_sweep([(curve.label, curve.mean_score) for curve in curves], picture)
 
 
@@ -132,8 +134,12 @@ def _row(values: Sequence[object]) -> str:
 
 
 def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
-    """A curve for each configuration, over all its runs, in the order of the first of its jobs."""
-    keys = [key for key in keys if key not in _WHICH_RUNS]
+    """A curve for each configuration, over all its runs, in the order of the first of its jobs.
+
+    Args:
+        jobs: finished.
+        keys: whose values tell a configuration from another.
+    """
     groups: dict[tuple[str | None, ...], list[Evaluations]] = {}
     for job in jobs:
         kind = tuple(job.overrides.get(key) for key in keys)
@@ -141,16 +147,20 @@ def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
     return [
         Curve(
             label=", ".join(
-                f"{_SYMBOLS.get(key, key)} = {_short(value)}"
+                f"{_symbol(key)} = {_short(value)}"
                 for key, value in zip(keys, kind, strict=True)
                 if value is not None
             )
-            or "all runs",
+            or f"{_symbol('lam')} = {group[0].lam[0]:g}",
             situations=group[0].situations,
             catches=np.concatenate([evaluations.catches for evaluations in group]),
         )
         for kind, group in groups.items()
     ]
+
+
+def _symbol(key: str) -> str:
+    return _SYMBOLS.get(key, key)
 
 
 def _short(value: str) -> str:
