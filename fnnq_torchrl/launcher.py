@@ -25,11 +25,9 @@ from omegaconf import DictConfig
 
 from envs.ranges import check
 from fnnq_torchrl.batches import JobFailed, LauncherConfig, Result, in_batches
-from fnnq_torchrl.cluster import run_on_cluster
 from fnnq_torchrl.compose import key_of
 from fnnq_torchrl.config import ConfigError
 from fnnq_torchrl.multirun import SweptJob, compose_jobs
-from fnnq_torchrl.results import read_summary
 
 log = logging.getLogger(__name__)
 
@@ -76,6 +74,8 @@ class Multirun:
         jobs = compose_jobs(self._context.config_loader, self._config, job_overrides, first)
         _check_directories([*self._jobs, *jobs])
         missing = [job for job in jobs if not job.is_finished()]
+        if len(missing) < len(jobs):
+            log.info(f"finished already: {len(jobs) - len(missing):,} of {len(jobs):,} jobs")
         for job in missing:
             job.write_configuration()
         with env_override(self._config.hydra.job.env_set):
@@ -95,6 +95,8 @@ class Multirun:
         if self._settings.cluster == "none":
             results = self._run_batches(batches, pictures=pictures)
         else:
+            from fnnq_torchrl.cluster import run_on_cluster
+
             folder = Path(self._config.hydra.sweep.dir).absolute() / ".submitit"
             results = run_on_cluster(
                 self._run_batches, batches, self._settings, folder, pictures=pictures
@@ -167,6 +169,8 @@ def _result(job: SweptJob, results: Mapping[Path, Result]) -> Result:
     """What came of the job just now or, if it was finished before, then."""
     if job.directory in results:
         return results[job.directory]
+    from fnnq_torchrl.results import read_summary  # not before the checks: scipy takes a second
+
     return read_summary(job.directory / "summary.json")["mean_score"]
 
 

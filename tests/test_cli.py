@@ -188,11 +188,27 @@ def test_no_two_starts_share_a_directory(run, tmp_path):
     assert run().jobs[0][1] != run().jobs[0][1]
 
 
-def test_the_check_comes_before_torch(tmp_path):
-    command = [sys.executable, "-X", "importtime", "-m", "fnnq_torchrl.train", "lam=1.5"]
+def test_the_console_script_completes_keys():
+    arguments = [Path(sys.executable).with_name("fnnq-train"), "-sc", "query=bash"]
+    line = "fnnq-train env.circle"
+    asked = {"COMP_LINE": line, "COMP_POINT": str(len(line))}
+    ended = subprocess.run(arguments, env=os.environ | asked, capture_output=True, text=True)
+    assert ended.stdout.strip() == "env.circle_radius_m="
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["lam=1.5"], f"lam=1.5: {UNIT}"),
+        (["lam=0.1,1.5", "-m"], f"job 1 (lam=1.5): lam=1.5: {UNIT}"),
+    ],
+    ids=["run", "multirun"],
+)
+def test_the_check_comes_before_torch(tmp_path, arguments, told):
+    command = [sys.executable, "-X", "importtime", "-m", "fnnq_torchrl.train", *arguments]
     ended = subprocess.run(
         command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
     )
     *imports, line = ended.stderr.decode().splitlines()
-    assert (ended.returncode, ended.stdout, line) == (2, b"", f"lam=1.5: {UNIT}")
-    assert not [entry for entry in imports if entry.split("|")[-1].strip() == "torch"]
+    assert (ended.returncode, ended.stdout, line) == (2, b"", told)
+    assert not {"torch", "scipy"} & {entry.split("|")[-1].strip() for entry in imports}
