@@ -1,10 +1,13 @@
 """Pictures, drawn from result files alone. The only module that imports matplotlib."""
 
+from collections.abc import Sequence
 from itertools import cycle, product
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -20,6 +23,8 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#
 _LINES = [(colour, style) for style, colour in product(("-", "--", ":", "-."), _COLOURS)]
 _WIDTH_IN, _HEIGHT_IN, _DPI = 7.0, 4.2, 160
 _LABEL_PT = 9.0
+_SHORT_LABEL = 10  # letters that a picture of the usual width has room for
+_MOST_LABELS = 20  # more lines and bands can't be told apart
 _LABEL_PITCH_PT = 1.35 * _LABEL_PT  # from one label's middle to the next one's, at least
 
 
@@ -36,60 +41,108 @@ def learning_curve(evaluations_csv: Path, picture: Path, best: int | None = None
         OSError: a file cannot be read or written.
         ValueError: the result file is foreign or damaged, or the format is unknown.
     """
-    figure = learning_curve_figure(read_evaluations(evaluations_csv), best)
-    with atomic_write(picture) as file:
-        figure.savefig(file, format=picture.suffix.removeprefix("."), dpi=_DPI)
+    _save(learning_curve_figure(read_evaluations(evaluations_csv), best), picture)
 
 
 def learning_curve_figure(evaluations: Evaluations, best: int | None = None) -> Figure:
     """Draw what :func:`learning_curve` writes, with its ``best``."""
-    lams, runs = np.unique(evaluations.lam, return_counts=True)
     curves = [
-        mean_interval(evaluations.catches[evaluations.lam == lam], confidence=CONFIDENCE)
-        for lam in lams
+        Curve(f"λ = {lam:g}", evaluations.situations, evaluations.catches[evaluations.lam == lam])
+        for lam in np.unique(evaluations.lam)
     ]
-    # Tall enough for all labels, one above the other.
-    height_in = max(_HEIGHT_IN, 1.6 + lams.size * _LABEL_PITCH_PT / 72)
-    figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
-    title, caption = _titles(lams, runs, curves)
+    return curves_figure(curves, "values of λ", best)
+
+
+class Curve(NamedTuple):
+    """The runs of one configuration."""
+
+    label: str
+    situations: NDArray[np.int64]  # [evaluations], learning situations before each
+    catches: NDArray[np.int64]  # [runs, evaluations]
+
+    @property
+    def mean_score(self) -> NDArray[np.float64]:
+        """Of each run after learning began, ``[runs]``."""
+        return self.catches[:, 1:].mean(axis=1)
+
+
+def sweep_curves(curves: Sequence[Curve], of: str, picture: Path, best: int) -> None:
+    """Draw the mean score of a sweep's configurations, a curve and a band for each.
+
+    Args:
+        curves: in their order; at least one.
+        of: what there is one curve for each of, in the plural.
+        picture: the file to write, atomically; its suffix is its format.
+        best: the highest possible score.
+
+    Raises:
+        OSError: the file cannot be written.
+        ValueError: the format is unknown.
+    """
+    _save(curves_figure(curves, of, best), picture)
+
+
+def _save(figure: Figure, picture: Path) -> None:
+    with atomic_write(picture) as file:
+        figure.savefig(file, format=picture.suffix.removeprefix("."), dpi=_DPI)
+
+
+def curves_figure(curves: Sequence[Curve], of: str, best: int | None = None) -> Figure:
+    """Draw curves and bands, each with its label at its end.
+
+    Of more than can be told apart, the best have colours and labels, and the others are grey.
+
+    Args:
+        curves: in their order; at least one.
+        of: what there is one curve for each of, in the plural.
+        best: the highest possible score; the highest among the curves if not given.
+    """
+    by_score = sorted(range(len(curves)), key=lambda i: -curves[i].mean_score.mean())
+    labelled = [curves[i] for i in sorted(by_score[:_MOST_LABELS])]
+    others = [curves[i] for i in by_score[_MOST_LABELS:]]
+    intervals = [mean_interval(curve.catches, confidence=CONFIDENCE) for curve in labelled]
+    # Tall enough for all labels, one above the other; wide enough for the longest.
+    height_in = max(_HEIGHT_IN, 1.6 + len(labelled) * _LABEL_PITCH_PT / 72)
+    longest = max(len(curve.label) for curve in labelled)
+    width_in = _WIDTH_IN + max(0, longest - _SHORT_LABEL) * 0.6 * _LABEL_PT / 72
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    title, caption = _titles(curves, of, intervals)
+    if others:
+        caption += f"\ngrey: the other {len(others):,}, which scored less"
     figure.suptitle(title, fontsize=12)
     figure.supxlabel(caption, fontsize=8.5, color="0.35")
 
     axes = figure.add_subplot()
-    _set_score_axis(axes, best, highest_seen=int(evaluations.catches.max()))
-    _set_situations_axes(axes, evaluations.situations)
-    for (mean, low, high), (colour, style) in zip(curves, cycle(_LINES), strict=False):
-        axes.plot(evaluations.situations, mean, color=colour, linestyle=style, linewidth=1.4)
-        axes.fill_between(evaluations.situations, low, high, color=colour, alpha=0.3, linewidth=0)
+    _set_score_axis(axes, best, highest_seen=max(int(curve.catches.max()) for curve in curves))
+    _set_situations_axes(axes, max((curve.situations for curve in curves), key=lambda s: s[-1]))
+    for curve, (mean, low, high), (colour, style) in zip(
+        labelled, intervals, cycle(_LINES), strict=False
+    ):
+        axes.plot(curve.situations, mean, color=colour, linestyle=style, linewidth=1.4)
+        axes.fill_between(curve.situations, low, high, color=colour, alpha=0.3, linewidth=0)
+    for curve in others:
+        # Not one of the axes' lines, each of which has a label.
+        points = np.stack([curve.situations, curve.catches.mean(axis=0)], axis=1)
+        axes.add_collection(LineCollection([points], color="0.85", linewidth=0.8, zorder=1.5))
     figure.draw_without_rendering()  # lays out, which gives the axes their height
-    _label_ends(axes, lams, ends=np.array([curve.mean[-1] for curve in curves]))
+    _label_ends(axes, labelled, ends=np.array([mean[-1] for mean, _, _ in intervals]))
     return figure
 
 
-def _titles(
-    lams: NDArray[np.float64], runs: NDArray[np.int64], curves: list[MeanInterval]
-) -> tuple[str, str]:
-    """Say what the picture shows, and what its lines and bands are.
-
-    Args:
-        lams: the λ of each curve, ``[curves]``.
-        runs: the number of runs in each, ``[curves]``.
-        curves: their means and bands.
-
-    Returns:
-        The title and the caption.
-    """
-    most = runs.max()
-    number = f"{most:,}" if runs.min() == most else f"{runs.min():,} to {most:,}"
+def _titles(curves: Sequence[Curve], of: str, intervals: Sequence[MeanInterval]) -> tuple[str, str]:
+    """Say what the picture shows, and what its lines and bands are."""
+    runs = {len(curve.catches) for curve in curves}
+    least, most = min(runs), max(runs)
+    number = f"{most:,}" if least == most else f"{least:,} to {most:,}"
     over = f"{number} run{'s' if most > 1 else ''}"
-    if lams.size == 1:
-        title = f"Learning curve for λ = {lams[0]:g}, {over}"
+    if len(curves) == 1:
+        title = f"Learning curve for {curves[0].label}, {over}"
     else:
-        title = f"Learning curves for {lams.size} values of λ, {over} each"
+        title = f"Learning curves for {len(curves):,} {of}, {over} each"
     if most == 1:
         return title, "line: a single run, which has no confidence interval"
     # In figures too, since over many runs the band is too narrow to be seen.
-    widest = np.nanmax([curve.high - curve.low for curve in curves]) / 2
+    widest = np.nanmax([np.nanmax(interval.high - interval.low) for interval in intervals]) / 2
     return title, (
         f"line: mean over {over}; band: its {100 * CONFIDENCE:g} % confidence interval "
         f"(Student's t), at most ±{widest:.2g}"
@@ -119,17 +172,17 @@ def _set_situations_axes(axes: Axes, situations: NDArray[np.int64]) -> None:
     above.set_xlabel("evaluations")
 
 
-def _label_ends(axes: Axes, lams: NDArray[np.float64], ends: NDArray[np.float64]) -> None:
-    """Write each line's λ beside its last score, and link the two; both ``[lines]``."""
+def _label_ends(axes: Axes, curves: Sequence[Curve], ends: NDArray[np.float64]) -> None:
+    """Write each line's label beside its last score, ``[lines]``, and link the two."""
     low, high = axes.get_ylim()
     height_pt = axes.get_window_extent().height * 72 / axes.figure.dpi
     heights = spread(ends, _LABEL_PITCH_PT * (high - low) / height_pt, low, high)
     beside = axes.get_yaxis_transform()  # x in widths of the axes, y in scores
-    for line, lam, end, height in zip(axes.lines, lams, ends, heights, strict=True):
+    for line, curve, end, height in zip(axes.lines, curves, ends, heights, strict=True):
         link = {"arrowstyle": "-", "color": line.get_color(), "relpos": (0.0, 0.5), "shrinkB": 0}
         axes.annotate(
-            f"λ = {lam:g}",
-            xy=(1.0, end),
+            curve.label,
+            xy=(curve.situations[-1] / axes.get_xlim()[1], end),
             xytext=(1.03, height),
             xycoords=beside,
             textcoords=beside,

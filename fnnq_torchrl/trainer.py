@@ -1,7 +1,7 @@
-"""Trains all runs of a job side by side and scores what they learned."""
+"""Trains all runs of a job, or of many jobs, side by side and scores what they learned."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import torch
 from tensordict import TensorDict
@@ -24,28 +24,33 @@ OnProgress = Callable[[int], None]
 
 
 class Trainer:
-    """A job's runs, as lanes of one batch or of several: :meth:`learn`, then :meth:`evaluate`.
+    """Many runs, as lanes of one batch or of several: :meth:`learn`, then :meth:`evaluate`.
 
     Attributes:
         engine_chosen: which engine, and why, in a line.
         train_seconds, compile_seconds: spent so far; what compiling takes is not training.
 
     Args:
-        config: a valid configuration.
+        config: a valid configuration, of ``num_seeds`` runs.
+        columns: by each key of `PER_RUN` the values of all runs, ``[num_seeds]``, where they are
+            not those that the configuration alone gives: the runs of several jobs.
 
     Raises:
         ConfigError: the engine is to compile, and there is no compiler.
     """
 
-    def __init__(self, config: Config) -> None:
+    def __init__(
+        self, config: Config, columns: Mapping[str, Sequence[float]] | None = None
+    ) -> None:
         self.config = config
+        self._columns = run_columns(config) if columns is None else columns
         self.device = torch.device(config.machine.device)
         self.dtype: torch.dtype = getattr(torch, config.machine.dtype)
         engine, self.engine_chosen = choose(config)
         self.engine = make_engine(engine, self.device)
-        columns = {key: self._column(key, values) for key, values in run_columns(config).items()}
-        columns["situations"] = torch.full_like(columns["seed"], config.situations)
-        self.run = TensorDict(columns, device=self.device).auto_batch_size_(1)
+        run = {key: self._column(key, values) for key, values in self._columns.items()}
+        run["situations"] = torch.full_like(run["seed"], config.situations)
+        self.run = TensorDict(run, device=self.device).auto_batch_size_(1)
         evaluations = config.situations // config.evaluation.every + 1
         self.situations_to_learn = config.num_seeds * config.situations
         self.situations_to_play = config.num_seeds * evaluations * len(config.evaluation.situations)
@@ -57,7 +62,7 @@ class Trainer:
         )
         self.train_seconds = self.compile_seconds = 0.0
 
-    def _column(self, key: str, values: list[float]) -> Tensor:
+    def _column(self, key: str, values: Sequence[float]) -> Tensor:
         dtype = torch.int64 if key == "seed" else self.dtype
         return torch.tensor(values, dtype=dtype).unsqueeze(-1)
 
@@ -116,14 +121,15 @@ class Trainer:
             ready = time.perf_counter()
             work_through(playing, playing.jobs, lanes, engine.workers)
         self.compile_seconds += ready - start
-        columns = run_columns(config)
         evaluations = len(self._book.pages)
         return Outcome(
-            seed=torch.tensor(columns["seed"]).numpy(),
-            lam=torch.tensor(columns["lam"], dtype=torch.float64).numpy(),
+            seed=torch.tensor(self._columns["seed"]).numpy(),
+            lam=torch.tensor(self._columns["lam"], dtype=torch.float64).numpy(),
             situations=(torch.arange(evaluations) * config.evaluation.every).numpy(),
             steps=self._book.pages["steps"].T.contiguous().cpu().numpy(),
             catches=playing.catches.T.contiguous().numpy(),
+            batch_runs=config.num_seeds,
+            batch_learning_steps=self.learning_steps,
             train_seconds=self.train_seconds,
             compile_seconds=self.compile_seconds,
             evaluate_seconds=time.perf_counter() - ready,

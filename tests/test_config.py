@@ -16,7 +16,10 @@ from fnnq_torchrl.compose import config_directory, load_config
 from fnnq_torchrl.config import PER_RUN, Config, ConfigError, UnknownKey, run_columns, to_config
 
 CONF = config_directory()
-CHOICES = [f"{path.parent.name}={path.stem}" for path in sorted(CONF.glob("*/*.yaml"))]
+CHOICES = [
+    f"{path.parent.relative_to(CONF).as_posix()}={path.stem}"
+    for path in sorted(CONF.glob("*/**/*.yaml"))
+]
 
 
 @pytest.fixture(scope="module")
