@@ -20,6 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 from fnnq_torchrl.batches import Job, JobFailed, Result, RunBatches
 from fnnq_torchrl.compose import VERSION_BASE, SeveralValues, config_directory, explain
 from fnnq_torchrl.config import Config, ConfigError, to_config
+from fnnq_torchrl.interruptions import Interrupted
 from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
 
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the variable that makes Hydra raise its errors, not print them
@@ -32,8 +33,8 @@ def command(
 
     A mistake in the configuration, or any `ConfigError` of the job, is one line on stderr and exit
     status 2; a job that failed, or a file that can't be read or written, is one line and status 1;
-    Ctrl-C is status 130; every other exception keeps its traceback. A user who sets
-    HYDRA_FULL_ERROR=1 gets Hydra's own errors with theirs.
+    Ctrl-C is status 130, another signal 128 and its number; every other exception keeps its
+    traceback. A user who sets HYDRA_FULL_ERROR=1 gets Hydra's own errors with theirs.
 
     Args:
         job: takes the configuration and the directory, which exists, for what it writes. What it
@@ -78,6 +79,8 @@ def command(
             _leave(2, f"{told}; type {_typed(*sys.argv, '-m')}" if several else str(told))
         except JobFailed as error:
             _leave(1, str(error))
+        except Interrupted as error:
+            _leave(error.status, str(error))
         except OSError as error:
             _leave_over_a_file(error)
         except KeyboardInterrupt:

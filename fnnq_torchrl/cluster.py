@@ -6,8 +6,12 @@ from typing import Any
 
 from fnnq_torchrl.batches import Job, JobFailed, LauncherConfig, Result, RunBatches
 from fnnq_torchrl.config import ConfigError
+from fnnq_torchrl.interruptions import Interruptions
 from fnnq_torchrl.report import announce
 from fnnq_torchrl.results import read_summary
+
+_SAVE_S = 60.0
+"""The longest that saving may take before a task is put back into the queue."""
 
 
 class BatchTask:
@@ -28,15 +32,16 @@ class BatchTask:
         results: dict[Path, Result] = {
             directory: objective for directory, objective in found.items() if objective is not None
         }
-        # The one place to go on from: each batch again, but for what its directories hold.
         for new in self._run_batches([missing] if missing else [], pictures=self._pictures):
             results |= zip((job.directory for job in missing), new, strict=True)
         return [results[job.directory] for job in batch]
 
     def checkpoint(self, batch: Sequence[Job]) -> Any:
-        """The same again; what is finished by then is in the jobs' directories."""
+        """The same again; what is done by now is in the jobs' directories."""
         from submitit.helpers import DelayedSubmission
 
+        if (work := Interruptions.current) is not None:
+            work.save_now(_SAVE_S)
         return DelayedSubmission(self, batch)
 
 

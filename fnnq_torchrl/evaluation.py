@@ -9,6 +9,7 @@ from torch import Tensor
 from envs.follow_ball import FollowBall
 from envs.world import World
 from fnnq_torchrl.engine import Engine
+from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.loops import Step
 from fnnq_torchrl.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.program import act
@@ -24,16 +25,12 @@ class Playing:
     Each situation of each snapshot of weights is a job. Random numbers are the run's own, new ones
     for every evaluation.
 
-    Attributes:
-        jobs: how many there are.
-        catches: of each snapshot, so far, int64 ``[evaluations, runs]``.
-
     Args:
         value_network: whose weights the snapshots replace.
         world: the learning world's parameters: same time limit, same sensor.
         situations: starts of the ball (φ₀, ω_b), in rad and rad/s, ``[situations, 2]``.
-        weights: the snapshots, by name, batch size ``[evaluations, runs]``.
         seed: the runs' seeds, int64 ``[runs, 1]``.
+        ledger: has the snapshots, and what they have played so far; kept up to date.
         engine: makes the loop, for ``lanes``.
         lanes: how many situations are played side by side.
         on_progress: is told how many situations, of all snapshots together, are played.
@@ -44,24 +41,28 @@ class Playing:
         value_network: ValueNetwork,
         world: World,
         situations: Tensor,
-        weights: TensorDictBase,
         seed: Tensor,
+        ledger: Ledger,
         engine: Engine,
         lanes: int,
         on_progress: Callable[[int], None],
     ) -> None:
-        evaluations, self._runs = weights.batch_size
-        self.jobs = evaluations * self._runs * len(situations)
-        self.catches = torch.zeros(evaluations, self._runs, dtype=torch.int64)
+        evaluations, self._runs = ledger.catches.shape
         self._policy = EpsilonGreedyPolicy(value_network, epsilon=0.0)
         self._world, self._situations = world, situations
         self._env = self._make_env(lanes)
-        self._weights = weights.view(evaluations * self._runs)
+        self._weights = ledger.book.pages["weights"].view(evaluations * self._runs)
         self._seed = seed
-        self._played, self._on_progress = 0, on_progress
+        self._played, self._catches = ledger.played.view(-1), ledger.catches.view(-1)
+        self._done, self._on_progress = int(ledger.played.sum()), on_progress
         self.steps = world.time_limit_steps
         example = self.begin(torch.zeros(lanes, dtype=torch.int64))
         self.loop = engine.make_loop(self._make_step, *example)
+
+    @property
+    def jobs(self) -> Tensor:
+        """The situations of snapshots that aren't played, int64."""
+        return (~self._played).nonzero().squeeze(-1)
 
     def begin(self, jobs: Tensor) -> tuple[TensorDict, TensorDict]:
         jobs = jobs.to(self._seed.device)
@@ -103,7 +104,8 @@ class Playing:
         lanes = ((jobs >= 0) & over).nonzero().squeeze(-1)
         snapshot = jobs[lanes] // len(self._situations)
         caught = state["caught"].squeeze(-1).cpu()[lanes].long()
-        self.catches.view(-1).index_add_(0, snapshot, caught)
-        self._played += len(lanes)
-        self._on_progress(self._played)
+        self._catches.index_add_(0, snapshot, caught)
+        self._played[jobs[lanes]] = True
+        self._done += len(lanes)
+        self._on_progress(self._done)
         return over

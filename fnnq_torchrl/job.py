@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from functools import partial
 from itertools import accumulate, pairwise
 from pathlib import Path
 
@@ -14,8 +15,11 @@ from fnnq_torchrl.checkpoint import save_checkpoint
 from fnnq_torchrl.config import Config, OutOfRange
 from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.figures import learning_curve
+from fnnq_torchrl.interruptions import Interruptions
+from fnnq_torchrl.keeper import HandsKeeper
 from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
+from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.trainer import Trainer
 
 _NAMED = 5
@@ -33,6 +37,7 @@ def run_job(config: Config, directory: Path) -> float:
 
     Raises:
         OutOfRange: the device isn't there.
+        Interrupted: a signal has ended the work, which is saved.
         ConfigError: the engine is to compile, and the compiler isn't there or fails.
         JobFailed: runs diverged; their evaluations and weights are written, no summary.
         OSError: a file can't be written.
@@ -62,6 +67,7 @@ def run_batches(
 
     Raises:
         OutOfRange: a device isn't there; before any batch begins.
+        Interrupted: a signal has ended the work, which is saved.
         ConfigError: an engine is to compile, and the compiler isn't there, or fails.
     """
     for batch in batches:
@@ -83,11 +89,8 @@ def _check_machine(config: Config) -> None:
 def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
     trainer = Trainer(*as_one([job.config for job in jobs]))
     announce(trainer.engine_chosen)
-    with Progress(trainer.situations_to_learn, "learning") as progress:
-        trainer.learn(progress.update)
-    with Progress(trainer.situations_to_play, "evaluating") as progress:
-        outcome = trainer.evaluate(progress.update)
-
+    saved = SavedTraining(jobs[-1].directory, trainer.config, trainer.engine.name)
+    outcome = _train(trainer, saved)
     finite = _finite(trainer.weights)
     bounds = accumulate((job.config.num_seeds for job in jobs), initial=0)
     results: list[float | Exception] = []
@@ -100,7 +103,22 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
         except (JobFailed, OSError) as error:
             result = error
         results.append(result)
+    saved.discard()
     return results
+
+
+def _train(trainer: Trainer, saved: SavedTraining) -> Outcome:
+    """All of it, or what was left of it; saved from time to time, and when a signal ends it."""
+    if trainer.config.resume == "auto" and saved.load(trainer.ledger):
+        announce(f"going on from {saved.path}")
+    with Interruptions(trainer.config.checkpoint.every_s) as interruptions:
+        keeper = HandsKeeper(interruptions, partial(saved.save, trainer.ledger))
+        with Progress(trainer.situations_to_learn, "learning") as progress:
+            trainer.learn(progress.update, keeper)
+        with Progress(trainer.situations_to_play, "evaluating") as progress:
+            outcome = trainer.evaluate(progress.update, keeper)
+        keeper.finish()
+    return outcome
 
 
 def _finite(weights: TensorDictBase) -> Tensor:

@@ -42,40 +42,60 @@ class Task(Protocol):
         """
 
 
+class Keeper(Protocol):
+    """Keeps what the workers have in hand, lest an interruption lose it."""
+
+    def visit(self, worker: int, jobs: Tensor, state: TensorDictBase) -> None:
+        """Called after every :meth:`Task.collect`, by one worker at a time.
+
+        Args:
+            worker: which one it is.
+            jobs: the number of each lane's job, −1 where it is done, int64 ``[lanes]``.
+            state: theirs, ``[lanes]``, which the next steps may change where it is.
+
+        Raises:
+            Exception: of any kind, to end the work.
+        """
+
+
 class _Queue:
     """Hands out job numbers, each once, to whichever thread asks."""
 
-    def __init__(self, jobs: int) -> None:
+    def __init__(self, jobs: Tensor) -> None:
         self.closed = False
-        self._next, self._end = 0, jobs
+        self._jobs, self._next = jobs, 0
         self._lock = Lock()
 
     def take(self, count: int) -> Tensor:
         """The next numbers, as many as asked for or as there are left."""
         with self._lock:
             first = self._next
-            self._next = min(self._end, first + count)
-            return torch.arange(first, self._next)
+            self._next = min(len(self._jobs), first + count)
+            return self._jobs[first : self._next]
 
 
-def work_through(task: Task, jobs: int, lanes: int, workers: int) -> None:
-    """Do all jobs of a task.
+def work_through(
+    task: Task, jobs: Tensor, lanes: int, workers: int, keeper: Keeper | None = None
+) -> None:
+    """Do some jobs of a task.
 
     Jobs know nothing of each other, so what becomes of them depends neither on the lanes nor on
     the workers.
 
     Args:
         task: what to do.
-        jobs: how many there are.
+        jobs: the numbers of those that are to be done, int64.
         lanes: how many a worker does side by side.
         workers: threads, which pays if the task's loop leaves the interpreter to others.
+        keeper: looks at what each worker has in hand from time to time.
     """
     queue, turn = _Queue(jobs), Lock()
-    if workers == 1:
-        _work(task, queue, lanes, turn)
-        return
+    # However few there are, they leave the main thread alone: that one has signals to answer.
     with ThreadPoolExecutor(workers) as pool:
-        shifts = [pool.submit(_work, task, queue, lanes, turn) for _ in range(workers)]
+        shifts = [
+            pool.submit(_work, task, queue, lanes, turn, worker, keeper)
+            for worker in range(workers)
+        ]
         try:
             wait(shifts, return_when=FIRST_EXCEPTION)
         finally:
@@ -85,7 +105,9 @@ def work_through(task: Task, jobs: int, lanes: int, workers: int) -> None:
 
 
 @torch.no_grad()
-def _work(task: Task, queue: _Queue, lanes: int, turn: Lock) -> None:
+def _work(
+    task: Task, queue: _Queue, lanes: int, turn: Lock, worker: int, keeper: Keeper | None
+) -> None:
     fresh = queue.take(lanes)
     if not len(fresh):
         return
@@ -96,6 +118,8 @@ def _work(task: Task, queue: _Queue, lanes: int, turn: Lock) -> None:
         running.advance(task.steps)
         with turn:
             jobs[task.collect(jobs, running.state)] = -1
+            if keeper is not None:
+                keeper.visit(worker, jobs, running.state)
         idle = (jobs < 0).nonzero().squeeze(-1)
         fresh = queue.take(len(idle))
         if len(fresh):

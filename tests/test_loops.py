@@ -9,15 +9,15 @@ from torch import Tensor
 
 from fnnq_torchrl import engine
 from fnnq_torchrl.autograd import gradient
-from fnnq_torchrl.config import Config, ConfigError
+from fnnq_torchrl.config import PER_RUN, Config, ConfigError
 from fnnq_torchrl.graphs import leaves, trace
 from fnnq_torchrl.inductor import InductorLoop
 from fnnq_torchrl.lanes import LANES
 from fnnq_torchrl.learning import Learning
+from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.loops import EagerLoop, Loop, MakeLoop, Step
 from fnnq_torchrl.native import NativeLoop, Unsupported
 from fnnq_torchrl.program import Program
-from fnnq_torchrl.snapshots import SnapshotBook
 from fnnq_torchrl.work import work_through
 
 from .programs import config, in_lanes, make_program, make_runs
@@ -349,10 +349,11 @@ def test_neither_lanes_nor_workers_matter_to_runs_that_take_turns(batch: Compile
     def learned(workers: int, order: Tensor) -> TensorDict:
         blank = dict(program.loss.value_network.named_parameters())
         with torch.no_grad():
-            book = SnapshotBook(blank, runs, every, evaluations)
-            task = Learning(program, loop, stays[order], last, book, lambda done: None)
-            work_through(task, runs, len(batch[0]), workers)
-        return book.pages[:, order.argsort()]
+            columns = {key: stays[key][order].flatten().tolist() for key in PER_RUN}
+            ledger = Ledger(columns, blank, every, evaluations, tests=1)
+            task = Learning(program, loop, stays[order], ledger, lambda done: None)
+            work_through(task, task.jobs, len(batch[0]), workers)
+        return ledger.book.pages[:, order.argsort()]
 
     in_order, shuffled = torch.arange(runs), torch.randperm(runs, generator=torch.Generator())
     pages = learned(1, in_order)

@@ -81,7 +81,7 @@ def test_every_job_is_done_once_whatever_the_lanes_and_workers(
     lengths: list[int], lanes: int, workers: int
 ) -> None:
     task = Collatz(lengths)
-    work_through(task, len(lengths), lanes, workers)
+    work_through(task, torch.arange(len(lengths)), lanes, workers)
     assert task.results == one_after_the_other(lengths)
 
 
@@ -90,7 +90,7 @@ def test_no_job_is_on_two_lanes_and_lanes_without_one_say_so(
     lengths: list[int], lanes: int, workers: int
 ) -> None:
     task = Collatz(lengths)
-    work_through(task, len(lengths), lanes, workers)
+    work_through(task, torch.arange(len(lengths)), lanes, workers)
     advances = torch.zeros(len(lengths), dtype=torch.int64)
     for jobs in task.seen:
         assert jobs.shape == (lanes,)
@@ -104,7 +104,7 @@ def test_no_job_is_on_two_lanes_and_lanes_without_one_say_so(
 @given(lengths.filter(len), some_lanes)
 def test_no_lane_is_idle_while_a_job_waits(lengths: list[int], lanes: int) -> None:
     task = Collatz(lengths)
-    work_through(task, len(lengths), lanes, workers=1)
+    work_through(task, torch.arange(len(lengths)), lanes, workers=1)
     waiting = len(lengths)
     known: set[int] = set()
     for jobs in task.seen:
@@ -118,7 +118,7 @@ def test_lanes_are_given_up_when_no_job_waits_for_them() -> None:
     lanes, shortest = 8 * LANES, 3
     lengths = [shortest + job % 20 for job in range(2 * lanes)]
     task = Collatz(lengths)
-    work_through(task, len(lengths), lanes, workers=1)
+    work_through(task, torch.arange(len(lengths)), lanes, workers=1)
     assert task.results == one_after_the_other(lengths)
     for jobs in task.seen:
         busy = int((jobs >= 0).sum())
@@ -132,20 +132,42 @@ def test_lanes_are_given_up_when_no_job_waits_for_them() -> None:
 def test_a_loop_for_so_many_lanes_keeps_them() -> None:
     task = Collatz([1 + job % 20 for job in range(4 * LANES)])
     task.loop.any_lanes = False
-    work_through(task, 4 * LANES, 2 * LANES, workers=1)
+    work_through(task, torch.arange(4 * LANES), 2 * LANES, workers=1)
     assert {len(jobs) for jobs in task.seen} == {2 * LANES}
+
+
+def test_only_the_jobs_that_are_given_are_done() -> None:
+    task = Collatz([3] * 12)
+    work_through(task, torch.tensor([7, 2, 11]), lanes=2, workers=1)
+    assert task.results == {
+        job: result for job, result in one_after_the_other([3] * 12).items() if job in (2, 7, 11)
+    }
+
+
+def test_a_keeper_sees_every_workers_hands_after_each_collect() -> None:
+    class Recorder:
+        def __init__(self) -> None:
+            self.seen: list[tuple[int, list[int], list[int]]] = []
+
+        def visit(self, worker: int, jobs: Tensor, state: TensorDictBase) -> None:
+            busy = jobs >= 0
+            self.seen.append((worker, jobs[busy].tolist(), state["left"][busy].flatten().tolist()))
+
+    keeper = Recorder()
+    work_through(Collatz([3, 1]), torch.arange(2), lanes=2, workers=1, keeper=keeper)
+    assert keeper.seen == [(0, [0], [2]), (0, [0], [1]), (0, [], [])]
 
 
 def test_fewer_jobs_than_lanes() -> None:
     task = Collatz([3, 1])
-    work_through(task, 2, lanes=5, workers=2)
+    work_through(task, torch.arange(2), lanes=5, workers=2)
     assert task.results == one_after_the_other([3, 1])
     assert [jobs.tolist() for jobs in task.seen] == [[0, 1, *[-1] * 3]] + 2 * [[0, *[-1] * 4]]
 
 
 def test_no_jobs_at_all() -> None:
     task = Collatz([])
-    work_through(task, 0, lanes=4, workers=2)
+    work_through(task, torch.arange(0), lanes=4, workers=2)
     assert task.begun == task.seen == []
 
 
@@ -156,7 +178,7 @@ def test_gradients_are_off_in_every_worker() -> None:
             return super().advance(stays, state)
 
     for workers in (1, 2):
-        work_through(Asking([2] * 8), 8, lanes=2, workers=workers)
+        work_through(Asking([2] * 8), torch.arange(8), lanes=2, workers=workers)
     assert torch.is_grad_enabled()
 
 
@@ -186,5 +208,5 @@ def test_a_workers_failure_ends_all_and_is_told(workers: int, fails: int) -> Non
     jobs = 2_000
     task = Failing([1] * jobs, fails, workers)
     with pytest.raises(ZeroDivisionError, match=f"^job {fails}$"):
-        work_through(task, jobs, lanes=1, workers=workers)
+        work_through(task, torch.arange(jobs), lanes=1, workers=workers)
     assert len(task.begun) < jobs / 2
