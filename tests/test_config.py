@@ -39,6 +39,8 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "trace": "output",
         "engine": "auto",
         "situations": 200,
+        "resume": "auto",
+        "checkpoint": {"every_s": 300},
         "env": {
             "time_step_s": 0.1,
             "speed_mps": 0.3,

@@ -2,13 +2,13 @@ from collections.abc import Callable
 
 import pytest
 import torch
-from tensordict import TensorDict
 from torch import Tensor
 
 from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.config import Config
+from fnnq_torchrl.config import PER_RUN, Config
 from fnnq_torchrl.engine import make_engine
 from fnnq_torchrl.evaluation import FIRST_EPISODE, Playing
+from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.values import ValueNetwork, make_value_network
 from fnnq_torchrl.work import work_through
 
@@ -32,19 +32,25 @@ def play(
     on_progress: Callable[[int], None] = lambda played: None,
 ) -> Tensor:
     """How many catches weights ``[evaluations, runs, 5, 4]`` make, ``[evaluations, runs]``."""
+    evaluations, runs = weights.shape[:2]
+    situations = torch.tensor(settings.evaluation.situations, dtype=torch.float64)
+    seeds = torch.arange(first_seed, first_seed + runs)
+    columns = {key: [0.0] * runs for key in PER_RUN} | {"seed": seeds.tolist()}
+    ledger = Ledger(columns, {"weight": weights[0]}, 5, evaluations, len(situations))
+    ledger.book.pages["weights", "weight"] = weights
     with torch.no_grad():
         playing = Playing(
             network or make_value_network(settings.value, CANDIDATES, runs=1),
             settings.env,
-            torch.tensor(settings.evaluation.situations, dtype=torch.float64),
-            TensorDict({"weight": weights}, weights.shape[:2]),
-            torch.arange(first_seed, first_seed + weights.shape[1]).unsqueeze(-1),
+            situations,
+            seeds.unsqueeze(-1),
+            ledger,
             make_engine("eager", torch.device("cpu")),
             lanes,
             on_progress,
         )
     work_through(playing, playing.jobs, lanes, workers=1)
-    return playing.catches
+    return ledger.catches
 
 
 @pytest.fixture

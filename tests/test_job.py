@@ -1,6 +1,7 @@
 """A whole job, from its configuration to its files."""
 
 import json
+from dataclasses import replace
 
 import pytest
 import torch
@@ -18,6 +19,7 @@ from fnnq_torchrl.config import (
 )
 from fnnq_torchrl.job import run_job
 from fnnq_torchrl.results import read_evaluations
+from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.trainer import Trainer
 
 SCHEMAS = (Config, World, FNNQConfig, ActionConfig, EvaluationConfig, MachineConfig)
@@ -76,4 +78,41 @@ def test_every_key_is_read_by_something(monkeypatch):
     trainer.learn()
     trainer.evaluate()
 
+    read |= {(Config, "resume"), (Config, "checkpoint")}  # by the job: see below
     assert read == {(schema, name) for schema in SCHEMAS for name in schema.__dataclass_fields__}
+
+
+def save_half_done(config, directory):
+    """The training as it is when it has only begun."""
+    trainer = Trainer(config)
+    trainer.ledger.catches.fill_(-1)  # as no training has them: whoever goes on is known by that
+    trainer.ledger.played.fill_(True)
+    SavedTraining(directory, config, trainer.engine.name).save(trainer.ledger, [])
+
+
+def test_a_job_goes_on_unless_it_is_to_begin_anew(tmp_path, capsys):
+    config = load_config("situations=5")
+    save_half_done(config, tmp_path)
+    run_job(replace(config, resume="never"), tmp_path)
+    assert read_evaluations(tmp_path / "evaluations.csv").catches.min() >= 0
+    assert not (tmp_path / "training.pt").exists()
+    save_half_done(config, tmp_path)
+    run_job(config, tmp_path)
+    assert read_evaluations(tmp_path / "evaluations.csv").catches.max() == -1
+    assert not (tmp_path / "training.pt").exists()
+    assert "going on from" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("every_s", "saves"), [(1e-9, True), (1e9, False)])
+def test_a_job_is_saved_at_intervals(tmp_path, monkeypatch, every_s, saves):
+    seen = []
+    save = SavedTraining.save
+
+    def saving(self, ledger, hands):
+        save(self, ledger, hands)
+        seen.append(self.path.stat().st_size)
+
+    monkeypatch.setattr(SavedTraining, "save", saving)
+    run_job(load_config("situations=5", f"checkpoint.every_s={every_s}"), tmp_path)
+    assert bool(seen) == saves
+    assert all(seen)

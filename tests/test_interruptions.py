@@ -1,0 +1,93 @@
+"""When to save, and when to end."""
+
+import os
+import signal
+import threading
+
+import pytest
+
+from fnnq_torchrl.interruptions import Interrupted, Interruptions
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.seconds = 0.0
+
+    def __call__(self) -> float:
+        return self.seconds
+
+
+def test_saving_is_due_at_intervals() -> None:
+    clock = Clock()
+    with Interruptions(10, clock) as work:
+        for now, due in ((0, False), (9.9, False), (10, True), (12, True)):
+            clock.seconds = now
+            assert work.due() == due
+        work.saved()
+        for now, due in ((12, False), (21.9, False), (22, True)):
+            clock.seconds = now
+            assert work.due() == due
+
+
+@pytest.mark.parametrize("name", ["SIGUSR1", "SIGUSR2"])
+def test_a_warning_makes_it_due_and_the_work_goes_on(name: str) -> None:
+    with Interruptions(1e9) as work:
+        os.kill(os.getpid(), getattr(signal, name))
+        assert work.due()
+        assert not work.ending
+        work.saved()
+        assert not work.due()
+
+
+@pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", 130)])
+def test_an_order_to_end_is_obeyed_when_all_is_saved(name: str, status: int) -> None:
+    with Interruptions(1e9) as work:
+        os.kill(os.getpid(), getattr(signal, name))
+        assert work.due()
+        assert work.ending
+        with pytest.raises(Interrupted, match=f"^{name}: .*saved.*goes on") as ended:
+            work.saved()
+    assert ended.value.status == status
+
+
+def test_the_second_order_is_obeyed_at_once() -> None:
+    with Interruptions(1e9):
+        os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_signals_are_what_they_were_before() -> None:
+    before = [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)]
+    with Interruptions(1e9) as work:
+        assert Interruptions.current is work
+        assert signal.getsignal(signal.SIGTERM) != before[0]
+    assert [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)] == before
+    assert Interruptions.current is None
+
+
+def test_signals_that_somebody_answers_are_theirs() -> None:
+    heard: list[int] = []
+    before = signal.signal(signal.SIGUSR2, lambda number, frame: heard.append(number))
+    try:
+        with Interruptions(1e9) as work:
+            os.kill(os.getpid(), signal.SIGUSR2)
+            assert not work.due()
+    finally:
+        signal.signal(signal.SIGUSR2, before)
+    assert heard == [signal.SIGUSR2]
+
+
+def test_whoever_asks_waits_until_it_is_saved() -> None:
+    with Interruptions(1e9) as work:
+
+        def save_when_due() -> None:
+            while not work.due():
+                pass
+            work.saved()
+
+        thread = threading.Thread(target=save_when_due)
+        thread.start()
+        assert work.save_now(timeout_s=10)
+        thread.join()
+        assert not work.save_now(timeout_s=0)
