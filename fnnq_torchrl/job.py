@@ -1,8 +1,9 @@
 """Jobs, from their configurations to the files of their output directories."""
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from pathlib import Path
 
 import torch
@@ -17,6 +18,9 @@ from fnnq_torchrl.figures import learning_curve
 from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
 from fnnq_torchrl.trainer import Trainer
+
+_WRITERS = 8
+"""Threads that write files of different jobs."""
 
 _NAMED = 5
 """Diverged runs that are named; the others are counted."""
@@ -89,18 +93,18 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
         outcome = trainer.evaluate(progress.update)
 
     finite = _finite(trainer.weights)
-    bounds = accumulate((job.config.num_seeds for job in jobs), initial=0)
-    results: list[float | Exception] = []
-    for job, (begin, end) in zip(jobs, pairwise(bounds), strict=True):
+    bounds = [*accumulate((job.config.num_seeds for job in jobs), initial=0)]
+
+    def write(job: Job, begin: int, end: int) -> float | Exception:
         runs = slice(begin, end)
         try:
-            result: float | Exception = _write(
-                job, outcome.of(runs), trainer.weights[runs], finite[runs], pictures
-            )
+            return _write(job, outcome.of(runs), trainer.weights[runs], finite[runs], pictures)
         except (JobFailed, OSError) as error:
-            result = error
-        results.append(result)
-    return results
+            return error
+
+    # Mostly the disk is waited for; but Matplotlib knows one thread only.
+    with ThreadPoolExecutor(1 if pictures else _WRITERS) as pool:
+        return list(pool.map(write, jobs, bounds, bounds[1:]))
 
 
 def _finite(weights: TensorDictBase) -> Tensor:
