@@ -1,6 +1,7 @@
 """A whole job, from its configuration to its files."""
 
 import json
+from dataclasses import replace
 
 import pytest
 import torch
@@ -16,6 +17,7 @@ from fnnq_torchrl.config import (
     FNNQConfig,
     MachineConfig,
 )
+from fnnq_torchrl.engine import choose
 from fnnq_torchrl.job import run_job
 from fnnq_torchrl.results import read_evaluations
 from fnnq_torchrl.trainer import Trainer
@@ -77,3 +79,12 @@ def test_every_key_is_read_by_something(monkeypatch):
     trainer.evaluate()
 
     assert read == {(schema, name) for schema in SCHEMAS for name in schema.__dataclass_fields__}
+
+
+@pytest.mark.parametrize("situations", [5, 200, 10_000])
+def test_the_engine_doesnt_depend_on_the_batch_that_a_job_is_in(situations):
+    """Engines agree to rounding only, and a job is to be the same alone and among many."""
+    config = load_config(f"situations={situations}")
+    alone, _ = choose(config)
+    among_many, _ = choose(replace(config, num_seeds=100_000))
+    assert alone == among_many
