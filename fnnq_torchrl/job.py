@@ -12,7 +12,7 @@ from torch import Tensor
 
 from fnnq_torchrl.batches import Job, JobFailed, as_one
 from fnnq_torchrl.checkpoint import save_checkpoint
-from fnnq_torchrl.config import Config, OutOfRange
+from fnnq_torchrl.config import Config, ConfigError, OutOfRange
 from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.figures import learning_curve
 from fnnq_torchrl.report import Progress, announce, print_summary
@@ -71,7 +71,12 @@ def run_batches(
     for batch in batches:
         _check_machine(batch[0].config)
     for batch in batches:
-        yield _run_batch(batch, pictures)
+        try:
+            yield _run_batch(batch, pictures)
+        except ConfigError:
+            raise
+        except Exception as error:  # a bug, or too little memory: the other batches may do
+            yield [error] * len(batch)
 
 
 def _check_machine(config: Config) -> None:

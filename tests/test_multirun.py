@@ -61,12 +61,10 @@ SWEEP = [
     "lam=0.4 seed=4",
     "seed=5",
     "lam=1e-3 alpha=.5 epsilon=1 alpha_decay=0.9 gamma=0 num_seeds=12",
-    "lam=0.4 seed=4 trace=gradient",
     "trace=gradient lam=0.5",
     "alpha=${lam} lam=0.1",
     "alpha=${lam} lam=0.3",
     "++lam=0.7 seed=1",
-    "value.inputs.bearing=[[0,1]] seed=2",
     "seed=1 seed=2",
 ]
 
