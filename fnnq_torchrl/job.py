@@ -1,6 +1,7 @@
 """Jobs, from their configurations to the files of their output directories."""
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from functools import partial
 from itertools import accumulate, pairwise
@@ -12,7 +13,7 @@ from torch import Tensor
 
 from fnnq_torchrl.batches import Job, JobFailed, as_one
 from fnnq_torchrl.checkpoint import save_checkpoint
-from fnnq_torchrl.config import Config, OutOfRange
+from fnnq_torchrl.config import Config, ConfigError, OutOfRange
 from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.figures import learning_curve
 from fnnq_torchrl.interruptions import Interruptions
@@ -21,6 +22,9 @@ from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
 from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.trainer import Trainer
+
+_WRITERS = 8
+"""Threads that write files of different jobs."""
 
 _NAMED = 5
 """Diverged runs that are named; the others are counted."""
@@ -73,7 +77,12 @@ def run_batches(
     for batch in batches:
         _check_machine(batch[0].config)
     for batch in batches:
-        yield _run_batch(batch, pictures)
+        try:
+            yield _run_batch(batch, pictures)
+        except ConfigError:
+            raise
+        except Exception as error:  # a bug, or too little memory: the other batches may do
+            yield [error] * len(batch)
 
 
 def _check_machine(config: Config) -> None:
@@ -93,16 +102,20 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
     outcome = _train(trainer, saved)
     finite = _finite(trainer.weights)
     bounds = accumulate((job.config.num_seeds for job in jobs), initial=0)
-    results: list[float | Exception] = []
-    for job, (begin, end) in zip(jobs, pairwise(bounds), strict=True):
+    *others, last = zip(jobs, pairwise(bounds), strict=True)
+
+    def write(job_and_bounds: tuple[Job, tuple[int, int]]) -> float | Exception:
+        job, (begin, end) = job_and_bounds
         runs = slice(begin, end)
         try:
-            result: float | Exception = _write(
-                job, outcome.of(runs), trainer.weights[runs], finite[runs], pictures
-            )
+            return _write(job, outcome.of(runs), trainer.weights[runs], finite[runs], pictures)
         except (JobFailed, OSError) as error:
-            result = error
-        results.append(result)
+            return error
+
+    # Mostly the disk is waited for; but Matplotlib knows one thread only.
+    with ThreadPoolExecutor(1 if pictures else _WRITERS) as pool:
+        results = [*pool.map(write, others)]
+    results.append(write(last))  # where the training is saved until all is written
     saved.discard()
     return results
 

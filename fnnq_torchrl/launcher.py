@@ -175,8 +175,11 @@ def _result(job: SweptJob, results: Mapping[Path, Result]) -> Result:
 
 
 def _told(job: SweptJob, result: Result) -> Result:
-    if isinstance(result, Exception):
-        failed = JobFailed(f"{job} failed: {result}")
-        log.error(str(failed))
+    """What the job's own function would return or raise."""
+    if not isinstance(result, Exception):
+        return result
+    failed = JobFailed(f"{job} failed: {result}")
+    log.error(str(failed))
+    if isinstance(result, JobFailed | OSError):
         raise failed from result
-    return result
+    raise result  # a bug keeps its traceback

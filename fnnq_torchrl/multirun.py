@@ -97,7 +97,7 @@ class SweptJob:
 
     def configuration(self) -> str:
         """The text of its ``.hydra/config.yaml``."""
-        return _yaml(self._template.plain | self._values)
+        return self._template.config_yaml(self._values)
 
     def write_configuration(self) -> None:
         """Make the directory, and in it the ``.hydra`` that `hydra.core.utils.run_job` makes."""
@@ -172,12 +172,18 @@ class _Template:
         self.plain, self.hydra = _plain(task), _plain(node.hydra)
         self.sweep_directory = str(node.hydra.sweep.dir)
         self.log_files = _log_files(node)
-        self._texts = {key: _section(key, value) for key, value in self.hydra.items()}
+        # Most of the text is the same for all.
+        self._texts = {key: _yaml({key: value}) for key, value in self.plain.items()}
+        self._hydra_texts = {key: _section(key, value) for key, value in self.hydra.items()}
+
+    def config_yaml(self, values: Mapping[str, Any]) -> str:
+        """The text of config.yaml, with the per-run values of the one job."""
+        return "".join((self._texts | {key: _yaml({key: values[key]}) for key in values}).values())
 
     def hydra_yaml(self, of_each: Mapping[str, Mapping[str, Any]]) -> str:
         """The text of hydra.yaml, with values of the one job in some of its sections."""
         own = {key: _section(key, self.hydra[key] | values) for key, values in of_each.items()}
-        return "hydra:\n" + "".join((self._texts | own).values())
+        return "hydra:\n" + "".join((self._hydra_texts | own).values())
 
 
 def compose_jobs(
@@ -224,7 +230,7 @@ def _compose(
         node = loader.load_sweep_config(master, list(overrides))
         template = _Template(node)
         # A value that refers to another is not the same for all.
-        if "${" not in _yaml(template.plain):
+        if "${" not in template.config_yaml({}):
             templates[kind] = template
     return SweptJob(number, overrides, template, values)
 

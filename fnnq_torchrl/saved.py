@@ -21,7 +21,8 @@ _NO_MATTER = ("resume", "checkpoint", "engine", *BATCHABLE)
 class SavedTraining:
     """The file of a batch's training, in the directory of the batch's last job.
 
-    The last, because jobs are finished in their order: where one is missing, it is.
+    The last, because its own files are written when all the others' are: where one is missing, its
+    are too.
 
     Args:
         directory: for the file.

@@ -17,6 +17,7 @@ from fnnq_torchrl.config import (
     FNNQConfig,
     MachineConfig,
 )
+from fnnq_torchrl.engine import choose
 from fnnq_torchrl.job import run_job
 from fnnq_torchrl.results import read_evaluations
 from fnnq_torchrl.saved import SavedTraining
@@ -116,3 +117,12 @@ def test_a_job_is_saved_at_intervals(tmp_path, monkeypatch, every_s, saves):
     run_job(load_config("situations=5", f"checkpoint.every_s={every_s}"), tmp_path)
     assert bool(seen) == saves
     assert all(seen)
+
+
+@pytest.mark.parametrize("situations", [5, 200, 10_000])
+def test_the_engine_doesnt_depend_on_the_batch_that_a_job_is_in(situations):
+    """Engines agree to rounding only, and a job is to be the same alone and among many."""
+    config = load_config(f"situations={situations}")
+    alone, _ = choose(config)
+    among_many, _ = choose(replace(config, num_seeds=100_000))
+    assert alone == among_many

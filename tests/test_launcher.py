@@ -190,6 +190,25 @@ def test_a_file_that_cant_be_written_fails_its_own_job(
     assert (tmp_path / "1" / "summary.json").exists()
 
 
+def test_a_batch_that_breaks_leaves_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = job_module._run_batch
+
+    def breaks(batch, pictures):
+        if batch[0].config.trace == "output":
+            raise ZeroDivisionError("a bug")
+        return run(batch, pictures)
+
+    monkeypatch.setattr(job_module, "_run_batch", breaks)
+    sweep = ("trace=output,gradient", "seed=0,1", *QUICKEST, f"hydra.sweep.dir={tmp_path}", "-m")
+    with pytest.raises(ZeroDivisionError, match="a bug"):
+        fnnq_train(*sweep)
+    finished = [number for number in range(4) if (tmp_path / f"{number}/summary.json").exists()]
+    assert finished == [2, 3]
+    assert [row["runs"] for row in rows(tmp_path / "summary.csv")] == ["", "", "1", "1"]
+
+
 @pytest.fixture
 def untrained(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[list[str]], bool]]:
     """What would be trained: the names of the jobs of each batch, and whether with pictures."""

@@ -61,12 +61,10 @@ SWEEP = [
     "lam=0.4 seed=4",
     "seed=5",
     "lam=1e-3 alpha=.5 epsilon=1 alpha_decay=0.9 gamma=0 num_seeds=12",
-    "lam=0.4 seed=4 trace=gradient",
     "trace=gradient lam=0.5",
     "alpha=${lam} lam=0.1",
     "alpha=${lam} lam=0.3",
     "++lam=0.7 seed=1",
-    "value.inputs.bearing=[[0,1]] seed=2",
     "seed=1 seed=2",
 ]
 
@@ -110,19 +108,33 @@ def test_hydra_composes_once_for_jobs_that_differ_in_numbers(
 
 
 @pytest.mark.parametrize(
-    ("subdir", "names"),
+    ("settings", "names"),
     [
-        ("lam${lam}_${seed}", ["lam0.0_3", "lam0.4_4"]),
-        ("${hydra.job.override_dirname}", ["lam=0,seed=3", "lam=0.4,seed=4"]),
-        ("x${hydra.job.num}", ["x0", "x1"]),
+        (["hydra.sweep.subdir=lam${lam}_${seed}"], ["lam0.0_3", "lam0.4_4"]),
+        (
+            ["hydra.sweep.subdir=${hydra.job.override_dirname}"],
+            ["lam=0,seed=3", "lam=0.4,seed=4"],
+        ),
+        (
+            [
+                "hydra.sweep.subdir=x${hydra.job.num}_${hydra.job.override_dirname}",
+                "hydra.job.config.override_dirname.kv_sep=",
+                "hydra.job.config.override_dirname.exclude_keys=[seed]",
+            ],
+            ["x0_lam0", "x1_lam0.4"],
+        ),
     ],
 )
 def test_directories_may_be_named_after_the_job(
-    hydra: Hydra, subdir: str, names: list[str]
+    hydra: Hydra, settings: list[str], names: list[str]
 ) -> None:
     with read_write(hydra.master.hydra):
-        hydra.master.hydra.overrides.hydra.append(f"hydra.sweep.subdir={subdir}")
-    assert [job.directory.name for job in hydra.jobs(*SWEEP[:2])] == names
+        hydra.master.hydra.overrides.hydra.extend(settings)
+    jobs = hydra.jobs(*SWEEP[:2])
+    assert [job.directory.name for job in jobs] == names
+    for job, overrides in zip(jobs, SWEEP[:2], strict=True):
+        theirs = hydra.composed(job.number, overrides).hydra.job.override_dirname
+        assert job.node().hydra.job.override_dirname == theirs
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_nothing_that_is_done_is_done_again(tmp_path: Path, uninterrupted) -> No
     assert SavedTraining(tmp_path, JOB, "compiled").load(again.ledger)
     learned = again.ledger.learned
     assert 0 < int(learned.sum()) < RUNS * JOB.situations
-    assert torch.equal(learned, first.ledger.learned)
+    assert (learned <= first.ledger.learned).all()  # the other worker was amid its steps
     assert again.ledger.seconds["train"] > 0
     begun = torch.cat([jobs for jobs, _ in again.ledger.hands])
     assert (learned[begun] < JOB.situations).any()
