@@ -93,7 +93,7 @@ def choose(config: Config) -> tuple[str, str]:
     if config.engine != "auto":
         return config.engine, f"engine: {config.engine}, as asked for"
     if not compiler_found():
-        return "eager", "engine: eager, since there is no C++ compiler"
+        return "eager", "engine: eager, since there is no C++ compiler that works"
     steps = int(config.situations * config.env.time_limit_steps * _MEAN_SITUATION)
     about = f"about {steps:,} steps of {config.num_seeds:,} runs"
     if steps < _WORTH_COMPILING[config.machine.device.partition(":")[0]]:

@@ -28,6 +28,7 @@ def trace(step: Step, stays: TensorDictBase, state: TensorDictBase) -> GraphModu
 
     Raises:
         RuntimeError: the step's Python looks at data.
+        ValueError: the step's result has other entries than its state, or of another kind.
     """
     fixed, carried = leaves(stays), leaves(state)
 
@@ -37,6 +38,7 @@ def trace(step: Step, stays: TensorDictBase, state: TensorDictBase) -> GraphModu
             nested(dict(zip(carried, values[len(fixed) :], strict=True)), state),
         )
         after = leaves(step(*before))
+        _check_alike(carried, after)
         return [after[key] for key in carried]
 
     composite = [getattr(torch.ops.aten, name) for name in _COMPOSITE.split()]
@@ -53,8 +55,25 @@ def trace(step: Step, stays: TensorDictBase, state: TensorDictBase) -> GraphModu
         return _without_repetitions(graph(*fixed.values(), *carried.values()))
 
 
+def _check_alike(before: dict[str, Tensor], after: dict[str, Tensor]) -> None:
+    if before.keys() != after.keys():
+        raise ValueError(f"a step from {[*before]} to {[*after]}: must have the same entries")
+    for key, old in before.items():
+        new = after[key]
+        if (old.shape, old.dtype) != (new.shape, new.dtype):
+            raise ValueError(
+                f"{key}: a step from {old.dtype} {list(old.shape)} to {new.dtype} "
+                f"{list(new.shape)}, with the runs last: must be alike"
+            )
+    over = before.get("over")
+    if over is not None and (over.dtype is not torch.bool or over.shape[:-1] != (1,)):
+        raise ValueError(f"over: {over.dtype} {list(over.shape)}: must be bool [lanes, 1]")
+
+
 def _without_repetitions(graph: GraphModule) -> GraphModule:
     """What policy, loss and gradient each compute, computed once."""
+    if any(_writes_in_place(node) for node in graph.graph.nodes):
+        return graph  # equal operations may then have different results
     first: dict[object, Node] = {}
     for constant in graph.graph.find_nodes(op="get_attr"):
         if (same := first.setdefault(constant.target, constant)) is not constant:
@@ -65,9 +84,16 @@ def _without_repetitions(graph: GraphModule) -> GraphModule:
     return graph
 
 
+def _writes_in_place(node: Node) -> bool:
+    schema = getattr(node.target, "_schema", None)
+    return schema is not None and bool(schema.is_mutable)
+
+
 def _cumsum(tensor: Tensor, dim: int, *, dtype: torch.dtype | None = None) -> Tensor:
     """Additions, which are fused with what is around them."""
-    return torch.stack([*accumulate(tensor.to(dtype or tensor.dtype).unbind(dim))], dim)
+    whole = not (tensor.is_floating_point() or tensor.is_complex())
+    dtype = dtype or (torch.int64 if whole else tensor.dtype)
+    return torch.stack([*accumulate(tensor.to(dtype).unbind(dim))], dim)
 
 
 def leaves(tree: TensorDictBase) -> dict[str, Tensor]:

@@ -16,7 +16,7 @@ from fnnq_torchrl.lanes import LANES
 from fnnq_torchrl.learning import Learning
 from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.loops import EagerLoop, Loop, MakeLoop, Step
-from fnnq_torchrl.native import NativeLoop, Unsupported
+from fnnq_torchrl.native import NativeLoop, RunsMixed, Unsupported
 from fnnq_torchrl.program import Program
 from fnnq_torchrl.work import work_through
 
@@ -221,6 +221,56 @@ def test_what_cannot_be_written_out_goes_to_inductor(
     loop = engine.make_engine("compiled", torch.device("cpu")).make_loop(lambda lanes: sort, *tiny)
     assert isinstance(loop, InductorLoop)
     assert_close(run(loop, *tiny, 1), sort(*tiny))
+
+
+MIXED: dict[str, tuple[Callable[[Tensor], Tensor], str]] = {
+    "mean of the runs": (lambda x: x - x.mean(0), "depends on other runs"),
+    "largest of the runs": (lambda x: x.amax(0).expand_as(x), "depends on other runs"),
+    "neighbour": (lambda x: x.flip(0), "depends on other runs"),
+    "number of its own": (
+        lambda x: x + torch.arange(len(x)).unsqueeze(-1),
+        "isn't the same for every run",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MIXED)
+def test_a_step_that_mixes_runs_is_refused(tiny: tuple[TensorDict, TensorDict], name: str) -> None:
+    function, why = MIXED[name]
+
+    def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDictBase:
+        return state.clone().set("single", function(state["single"]))
+
+    with pytest.raises(RunsMixed, match=f"^single: .*{why}"):
+        NativeLoop(lambda lanes: step, *tiny)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (lambda state: state.set("single", state["single"].double()), "single: .*float64"),
+        (lambda state: state.set("n", state["n"].expand(-1, 2).clone()), r"n: .*\[2, "),
+        (lambda state: state.exclude("n"), "same entries"),
+        (lambda state: state.set("new", state["n"].clone()), "same entries"),
+    ],
+    ids=["dtype", "shape", "fewer", "more"],
+)
+def test_a_step_to_another_kind_of_state_is_refused(
+    tiny: tuple[TensorDict, TensorDict], change: Callable[[TensorDict], TensorDict], what: str
+) -> None:
+    with pytest.raises(ValueError, match=what):
+        NativeLoop(lambda lanes: lambda stays, state: change(state.clone()), *tiny)
+
+
+def test_a_program_is_given_what_it_is_for(tiny: tuple[TensorDict, TensorDict]) -> None:
+    stays, state = tiny
+    loop = NativeLoop(tiny_step(), stays, state)
+    with pytest.raises(ValueError, match="multiple of 32"):
+        loop(stays[:3], state[:3])
+    with pytest.raises(ValueError, match="a program for"):
+        loop(stays, state.double())
+    with pytest.raises(RuntimeError, match="locked"):  # the program would go on with the old one
+        loop(stays, state).state["n"] = state["n"]
 
 
 # -- lanes that are over --------------------------------------------------------------------------

@@ -2,6 +2,13 @@
 
 from .build import cache_directory, compiler, compiler_found
 from .expressions import Unsupported
-from .loop import NativeLoop
+from .loop import NativeLoop, RunsMixed
 
-__all__ = ["NativeLoop", "Unsupported", "cache_directory", "compiler", "compiler_found"]
+__all__ = [
+    "NativeLoop",
+    "RunsMixed",
+    "Unsupported",
+    "cache_directory",
+    "compiler",
+    "compiler_found",
+]

@@ -29,7 +29,7 @@ template <class T, class From> inline T cast(From from) {
 template <class T> inline T where(mask which, T chosen, T other) {
     return cast<typename Like<T>::whole>(which) ? chosen : other;
 }
-// Of 64-bit numbers compilers make a choice in each lane.
+// By bits: of 64-bit whole numbers compilers make a choice in each lane.
 template <> inline i64 where<i64>(mask which, i64 chosen, i64 other) {
     const i64 wide = cast<i64>(which);
     return (chosen & wide) | (other & ~wide);

@@ -7,7 +7,7 @@ from string import Template
 
 import torch
 
-from .expressions import Expression, Unsupported
+from .expressions import COMPARISONS, Expression, Unsupported, in_order
 from .prelude import PRELUDE, RUN, VECTORISED
 
 _VECTOR_BYTES = 32
@@ -29,7 +29,7 @@ _NUMBERS = {
 }
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lshift": "<<", "rshift": ">>"}
 _INFIX |= {"bitwise_and": "&", "bitwise_or": "|", "bitwise_xor": "^"}
-_COMPARISONS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
+_COMPARISONS = dict(zip(COMPARISONS, ("==", "!=", "<", "<=", ">", ">="), strict=True))
 _PREFIX = {"neg": "-", "bitwise_not": "~", "copy": ""}
 _CALLS = ("where", "maximum", "minimum")
 _PLAIN = {name: name for name in ("ceil", "floor", "fmod", "sqrt", "trunc")}
@@ -72,7 +72,7 @@ def program(leaves: Sequence[Leaf], over: int | None = None) -> str:
         old: Expression("copy", new.dtype, (new,)) if new.op == "input" else new
         for old, new in changes.items()
     }
-    order = _in_order(changes.values())
+    order = in_order(changes.values())
     constants = [value for value in order if value.op == "constant"]
     computed = [value for value in order if value.op not in ("constant", "input")]
     varying = set(changes)
@@ -85,7 +85,7 @@ def program(leaves: Sequence[Leaf], over: int | None = None) -> str:
     prelude = Template(PRELUDE).substitute(
         width=_VECTOR_BYTES // real.itemsize, mask="i64" if real is torch.float64 else "i32"
     )
-    vectorised = {(value.op, value.dtype) for value in computed if value.op in _VECTORISED}
+    vectorised = {_declaration(value) for value in computed if value.op in _VECTORISED}
     run = Template(RUN).substitute(
         constants=_lines(4, write.definitions(constants)),
         loads=_lines(8, (line for n, leaf in enumerate(leaves) for line in _loads(n, leaf))),
@@ -102,22 +102,7 @@ def program(leaves: Sequence[Leaf], over: int | None = None) -> str:
             8, (line for n, leaf in enumerate(leaves) for line in _stores(n, leaf, changes))
         ),
     )
-    return "\n".join(
-        [prelude, *map(_declaration, sorted(vectorised, key=str)), *write.tables(), run]
-    )
-
-
-def _in_order(results: Iterable[Expression]) -> list[Expression]:
-    """All that the results are computed from, each after its operands and near its first use."""
-    order: dict[Expression, None] = {}
-    stack = [*results][::-1]
-    while stack:
-        waiting = [operand for operand in stack[-1].operands if operand not in order]
-        if waiting:
-            stack += waiting[::-1]
-        else:
-            order.setdefault(stack.pop())
-    return [*order]
+    return "\n".join([prelude, *sorted(vectorised), *write.tables(), run])
 
 
 class _Statements:
@@ -130,15 +115,13 @@ class _Statements:
     def __init__(self, constants: Sequence[Expression], computed: Sequence[Expression]) -> None:
         self._names = {value: f"c{number}" for number, value in enumerate(constants)}
         self._names |= {value: f"v{number}" for number, value in enumerate(computed)}
-        tables = dict.fromkeys(value.args[0] for value in computed if value.op == "lookup")
+        lookups = [value for value in computed if value.op == "lookup"]
+        tables = {_table(lookup): lookup for lookup in lookups}
         self._tables = {table: f"table_{number}" for number, table in enumerate(tables)}
 
     def tables(self) -> list[str]:
         """The tables that entries are looked up in."""
-        return [
-            f"const double {name}[] = {{{', '.join(float(entry).hex() for entry in table)}}};"
-            for table, name in self._tables.items()
-        ]
+        return [f"const {table[0]} {name}[] = {table[1]};" for table, name in self._tables.items()]
 
     def definitions(self, values: Iterable[Expression]) -> Iterable[str]:
         """A line for each."""
@@ -168,7 +151,8 @@ class _Statements:
             function = f"[]({number} x, {number} y) {{ return {call}; }}"
             return f"each<{number}>({operands[0]}, {operands[-1]}, {function})"
         if op == "lookup":
-            return f"lookup<{type_}>({self._tables[value.args[0]]}, {operands[0]})"
+            found = f"lookup<{type_}>({self._tables[_table(value)]}, {operands[0]})"
+            return f"-{found}" if value.dtype is torch.bool else found
         if op == "cast":
             return _cast(value.operands[0].dtype, value.dtype, operands[0])
         raise Unsupported(f"no translation for {op}")
@@ -189,11 +173,10 @@ def _call(op: str, dtype: torch.dtype, operands: Iterable[str]) -> str:
     return f"::{FUNCTIONS[op]}{'f' if dtype is torch.float32 else ''}({', '.join(operands)})"
 
 
-def _declaration(op_and_dtype: tuple[str, torch.dtype]) -> str:
-    op, dtype = op_and_dtype
-    parameters = [_NUMBERS[dtype]] * (2 if op in ("atan2", "pow") else 1)
-    call = _call(op, dtype, parameters).removeprefix("::")
-    return Template(VECTORISED).substitute(number=_NUMBERS[dtype], function=call)
+def _declaration(value: Expression) -> str:
+    number = _NUMBERS[value.dtype]
+    function = _call(value.op, value.dtype, [number] * len(value.operands)).removeprefix("::")
+    return Template(VECTORISED).substitute(number=number, function=function)
 
 
 def _literal(value: float, dtype: torch.dtype) -> str:
@@ -207,7 +190,16 @@ def _literal(value: float, dtype: torch.dtype) -> str:
     return float(value).hex() if isfinite(value) else f"{'-' if value < 0 else ''}INFINITY"
 
 
-def _place(leaf: int, element: int) -> str:
+def _table(lookup: Expression) -> tuple[str, str]:
+    """The type of a table's numbers, and the numbers."""
+    if lookup.dtype is torch.bool:
+        entries = ", ".join(str(int(entry)) for entry in lookup.args[0])
+    else:
+        entries = ", ".join(_literal(entry, lookup.dtype) for entry in lookup.args[0])
+    return _NUMBERS[lookup.dtype], f"{{{entries}}}"
+
+
+def _place(leaf: int, element: int, lane: int = 0) -> str:
     return f"leaf_{leaf}[{element}]"
 
 

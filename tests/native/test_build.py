@@ -1,6 +1,7 @@
 """Programs are built once, and kept."""
 
 import ctypes
+import stat
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -71,19 +72,69 @@ def test_a_program_that_does_not_compile_leaves_nothing(empty_cache: Path) -> No
     assert [*empty_cache.iterdir()] == []
 
 
-@pytest.mark.parametrize("xdg", [True, False])
+@pytest.mark.parametrize("xdg", ["an absolute path", "relative", ""])
 def test_programs_are_kept_where_the_user_keeps_caches(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, xdg: bool
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, xdg: str
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg") if xdg else "")
-    assert cache_directory() == tmp_path / ("xdg" if xdg else ".cache") / "fnnq_torchrl"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg") if "absolute" in xdg else xdg)
+    building._writable.cache_clear()
+    home = tmp_path / ("xdg" if "absolute" in xdg else ".cache")
+    assert cache_directory() == home / "fnnq_torchrl"
+    assert stat.S_IMODE(cache_directory().stat().st_mode) == 0o700  # what is in it is executed
+
+
+def test_where_nothing_can_be_kept_it_is_made_for_this_process(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    with caplog.at_level("INFO"):
+        assert call(build(ADD % 6), 0, 0) == 6
+    assert not str(cache_directory()).startswith(str(tmp_path))
+    (record,) = caplog.records
+    assert "XDG_CACHE_HOME" in record.message
+
+
+@pytest.mark.parametrize("damage", [b"", b"no program"])
+def test_a_damaged_program_is_made_again(empty_cache: Path, damage: bytes) -> None:
+    build(ADD % 7)
+    (kept,) = empty_cache.iterdir()
+    kept.unlink()  # a file that is loaded must not change
+    kept.write_bytes(damage)
+    assert call(build(ADD % 7), 1, 0) == 107
+
+
+def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
+    """A compiler that is a shell script."""
+    program = tmp_path / "my own compiler"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("CXX", f"'{program}' -O0")
+    building._target.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("script", "says"),
+    [
+        ("echo nothing >&2; echo fatal error: no headers >&2; exit 1", "fatal error: no headers"),
+        ("exit 3", "nothing, with exit status 3"),
+        ("kill -9 $$", "nothing, it was ended by SIGKILL"),
+    ],
+)
+def test_a_compiler_that_fails_is_told_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, says: str
+) -> None:
+    fake(tmp_path, monkeypatch, script)
+    assert not compiler_found()
+    with pytest.raises(ConfigError, match=f"^engine=compiled: .*engine=eager.*{says}$"):
+        build(ADD % 8)
 
 
 def test_the_compiler_is_the_systems_or_the_one_that_is_named(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setenv("CXX", str(tmp_path / "my-own"))
+    monkeypatch.setenv("CXX", str(tmp_path / "nobody"))
     assert not compiler_found()
-    (tmp_path / "my-own").touch(mode=0o755)
+    fake(tmp_path, monkeypatch, "test $1 = -O0")
     assert compiler_found()
