@@ -32,8 +32,13 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "alpha": 0.4,
         "alpha_decay": 0.99,
         "gamma": 0.95,
+        "exploration": "epsilon_greedy",
         "epsilon": 0.1,
+        "temperature": 0.05,
+        "noise_std": 0.3,
+        "variant": "peng",
         "trace": "output",
+        "window": 10,
         "engine": "auto",
         "situations": 200,
         "env": {
