@@ -16,8 +16,7 @@ from fnnq_torchrl.config import TRACES, VARIANTS
 
 @dataclass(frozen=True)
 class Rule:
-    """Which Q(λ) it is. All variants keep the order of Table 1: f and g, from the weights and the
-    trace as the step before left them, then h.
+    """Which Q(λ) it is.
 
     * ``peng``, the paper's: the earlier pairs get δ = r + γV(s′) − V(s), the present one δ′ = r +
       γV(s′) − Q(s, a). The trace is never cut.
@@ -26,16 +25,21 @@ class Rule:
       delayed rewards", 1989; R. S. Sutton, A. G. Barto, "Reinforcement learning", 1998, fig. 7.14).
     * ``naive``: Watkins' without the cut (Sutton & Barto, 1998, section 7.6).
 
+    All keep the order of Table 1: e ← γλe; the earlier pairs by e and the present one by ∇Q(s, a),
+    from the weights before the step; then step h. Sutton & Barto have the present pair in e before
+    Δw = δ′e: the same Δw, but for ``output``, where the present pair still gets δ′∇Q(s, a), so that
+    λ = 0 is Q-learning whatever the variant.
+
     What step h, Tr(s, a) ← Tr(s, a) + 1, does to the trace e of a network, with f = ∇Q(s, a):
 
     * ``output``, the paper to the letter: the trace *network's output* at (s, a) rises by one, e ←
       e + f/‖f‖². (Exactly by one where Q is linear in the weights; not at all where f is zero, and
       nothing can make it.)
     * ``gradient``, today's semi-gradient traces: e ← e + f.
-    * ``replacing``: e ← f wherever |f| is no less than |e|, else e. For a table that is S. P. Singh,
-      R. S. Sutton, "Reinforcement learning with replacing eligibility traces", Machine Learning 22,
-      1996; for features that are no mere 0 and 1, K. Främling, "Replacing eligibility trace for
-      action-value learning with function approximation", ESANN 2007.
+    * ``replacing``: e ← f wherever |f| is no less than |e|, else e. For a table that is the trace
+      of S. P. Singh, R. S. Sutton, "Reinforcement learning with replacing eligibility traces",
+      Machine Learning 22, 1996; for features that are no mere 0 and 1, of K. Främling, "Replacing
+      eligibility trace for action-value learning with function approximation", ESANN 2007.
     * ``window``, the paper's «finite-time window, which stores only some previous steps»: e is the
       sum of the last ``window`` gradients, each times (γλ)ᵏ, k steps later.
 
