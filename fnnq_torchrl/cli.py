@@ -10,6 +10,7 @@ from typing import NoReturn
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.plugins import Plugins
 from hydra.core.utils import env_override
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
@@ -17,6 +18,10 @@ from omegaconf.errors import OmegaConfBaseException
 
 from fnnq_torchrl.compose import VERSION_BASE, config_directory, explain
 from fnnq_torchrl.config import Config, ConfigError, to_config
+from hydra_plugins.fnnq_torchrl_cases import CaseSweeper
+
+# Hydra finds it by itself only where hydra_plugins is a folder of the path.
+Plugins.instance().register(CaseSweeper)
 
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the variable that makes Hydra raise its errors, not print them
 
