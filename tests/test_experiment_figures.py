@@ -5,7 +5,8 @@ import pytest
 from matplotlib.text import Text
 
 from fnnq_torchrl.experiments import NoResults, newest_experiment
-from fnnq_torchrl.figures.__main__ import FIGURES, draw, main
+from fnnq_torchrl.figures.__main__ import main
+from fnnq_torchrl.figures.gallery import FIGURES, draw
 from fnnq_torchrl.figures.lines import lines_figure
 from fnnq_torchrl.figures.readings import norms
 from fnnq_torchrl.figures.words import change_words, job_words

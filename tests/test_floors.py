@@ -58,7 +58,7 @@ ONLY_IN = {
     "hydra": {name for name, height in FLOORS.items() if height == 4},
     "matplotlib": {
         f"fnnq_torchrl.figures{module}"
-        for module in ("", ".__main__", ".curves", ".dots", ".lines", ".readings", ".style")
+        for module in ("", ".curves", ".dots", ".gallery", ".lines", ".readings", ".style")
     },
     "wandb": set(),
 }
