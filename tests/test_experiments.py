@@ -14,7 +14,7 @@ from .experiment_files import grid, write_experiment
 def sweep(tmp_path: Path) -> Path:
     directory = tmp_path / "traces" / "2026-01-02_03-04-05"
     write_experiment(
-        directory, grid({"trace": "output,gradient", "lam": "0,0.2"}), lambda config: 3, runs=3
+        directory, grid({"trace": "output,gradient", "lam": "0,0.2"}), lambda settings: 3, runs=3
     )
     return directory
 
@@ -39,7 +39,9 @@ def test_what_is_not_one_job_is_told(sweep: Path, settings: dict[str, float], co
 
 def test_jobs_are_ordered_as_numbers(tmp_path: Path) -> None:
     lams = ",".join(f"{i / 20:g}" for i in range(12))
-    write_experiment(tmp_path / "s", grid({"lam": lams}, "situations=5"), lambda config: 3, runs=1)
+    write_experiment(
+        tmp_path / "s", grid({"lam": lams}, "situations=5"), lambda settings: 3, runs=1
+    )
     experiment = read_experiment(tmp_path / "s", "s")
     assert experiment.values("lam") == [i / 20 for i in range(12)]
 
@@ -50,7 +52,7 @@ def test_an_unfinished_sweep_is_passed_over_and_said_by_itself(sweep: Path) -> N
     latest = sweep.with_name("2026-01-02_03-04-06")
     for directory, lams in ((later, "0.4"), (latest, "0.5,0.6")):
         jobs = grid({"lam": lams}, "situations=5")
-        write_experiment(directory, jobs, lambda config: 3, runs=1)
+        write_experiment(directory, jobs, lambda settings: 3, runs=1)
     assert newest_experiment(root, "traces").values("lam") == [0.5, 0.6]
     (latest / "1" / "summary.json").unlink()
     assert newest_experiment(root, "traces").values("lam") == [0.4]

@@ -45,12 +45,14 @@ FLOORS = {
     "fnnq_torchrl.learning": 3,
     "fnnq_torchrl.program": 3,
     "fnnq_torchrl.report": 3,
+    "fnnq_torchrl.reproduction": 3,
     "fnnq_torchrl.snapshots": 3,
     "fnnq_torchrl.trainer": 3,
     "fnnq_torchrl.work": 3,
     "fnnq_torchrl.cli": 4,
     "fnnq_torchrl.compose": 4,
     "fnnq_torchrl.figures.__main__": 4,
+    "fnnq_torchrl.reproduction.__main__": 4,
     "fnnq_torchrl.train": 4,
 }
 # Who may import what is slow to load, or belongs at the edge.

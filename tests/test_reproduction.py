@@ -1,12 +1,11 @@
 import re
-from collections.abc import Callable
 from math import nan
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fnnq_torchrl.experiments import NoResults, newest_experiment
+from fnnq_torchrl.experiments import Experiment, NoResults, newest_experiment
 from fnnq_torchrl.figures.gallery import FIGURES as GALLERY
 from fnnq_torchrl.measures import MEASURES
 from fnnq_torchrl.reproduction.__main__ import main
@@ -23,25 +22,17 @@ from fnnq_torchrl.reproduction.verdicts import (
 )
 
 from .experiment_files import EXPERIMENTS as INVENTED
-from .experiment_files import grid, paper_level, write_experiment
+from .experiment_files import LAMS as ALL_LAMS
+from .experiment_files import Level, Settings, grid, paper_level, write_experiment
 
+LAMS = ALL_LAMS.split(",")
 HOLDS, BARELY, FAILS, OPEN = Verdict.HOLDS, Verdict.BARELY, Verdict.FAILS, Verdict.OPEN
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("outputs")
-    for name in EXPERIMENTS:
-        runs = 110 if name.endswith("large") else 12
-        sweep = root / name / "2026-01-02_03-04-05"
-        write_experiment(sweep, INVENTED[name], paper_level, runs)
-    return root
-
-
-@pytest.fixture
-def pool(results: Path) -> Pool:
-    experiments = [newest_experiment(results, name) for name in EXPERIMENTS]
-    return Pool(default_settings(experiments[1], {"lam": 0.2}), experiments)
+def pool(experiments: dict[str, Experiment]) -> Pool:
+    default = default_settings(experiments["fig3_large"], {"lam": 0.2})
+    return Pool(default, (experiments[name] for name in EXPERIMENTS))
 
 
 @pytest.mark.parametrize(
@@ -136,8 +127,8 @@ def test_the_shares_are_over_samples_of_the_papers_size(pool: Pool) -> None:
 
 
 @pytest.fixture(scope="module")
-def page(results: Path) -> str:
-    return write_page({name: newest_experiment(results, name) for name in EXPERIMENTS})
+def page(experiments: dict[str, Experiment]) -> str:
+    return write_page({name: experiments[name] for name in EXPERIMENTS})
 
 
 def test_the_page_has_every_claim_with_both_verdicts(page: str) -> None:
@@ -164,10 +155,10 @@ def test_tables_are_whole_and_no_number_is_missing(page: str) -> None:
     assert "{" not in page
 
 
-def test_the_pages_numbers_are_the_files(page: str, results: Path) -> None:
-    job = newest_experiment(results, "traces").job(trace="gradient", lam=0.7)
+def test_the_pages_numbers_are_the_files(page: str, experiments: dict[str, Experiment]) -> None:
+    job = experiments["traces"].job(trace="gradient", lam=0.7)
     (row,) = re.findall(r"\| final score, gradient \|(.*)\|", page)
-    shown = float(row.split("|")[7].split("[")[0])
+    shown = float(row.split("|")[LAMS.index("0.7")].split("[")[0])
     assert shown == pytest.approx(job.evaluations.final_score.mean(), abs=0.005)
     # γλ = 0.76, ‖f‖² as drawn: α(‖f‖² + γλ/(1 − γλ)) and α‖f‖²/(1 − γλ).
     steps = re.findall(r"\| (output|gradient), ‖f‖² = ([\d.]+) \|(.*)\|", page)
@@ -175,7 +166,7 @@ def test_the_pages_numbers_are_the_files(page: str, results: Path) -> None:
     for trace, norm, cells in steps:
         ratio = 0.76 / 0.24
         exact = float(norm) + ratio if trace == "output" else float(norm) / 0.24
-        assert float(cells.split("|")[8]) == pytest.approx(0.4 * exact, abs=0.02)
+        assert float(cells.split("|")[LAMS.index("0.8")]) == pytest.approx(0.4 * exact, abs=0.02)
 
 
 def test_every_picture_is_drawn(page: str) -> None:
@@ -184,20 +175,27 @@ def test_every_picture_is_drawn(page: str) -> None:
 
 
 def test_the_command(
-    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, page: str
+    experiments: dict[str, Experiment], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fnnq_torchrl.reproduction.__main__.draw", lambda *arguments: [])
-    command = ["reproduction", "--to", str(tmp_path), "--results"]
-    monkeypatch.setattr("sys.argv", [*command, str(results)])
+    command = "fnnq_torchrl.reproduction.__main__"
+    drawn: dict[str, Experiment] = {}
+    monkeypatch.setattr(f"{command}.newest_experiment", lambda root, name: experiments[name])
+    monkeypatch.setattr(f"{command}.write_page", lambda taken: ", ".join(taken))
+    monkeypatch.setattr(f"{command}.draw", lambda figures, to: drawn.update(figures))
+    monkeypatch.setattr("sys.argv", ["reproduction", "--to", str(tmp_path)])
     main()
-    assert (tmp_path / "reproduction.md").read_text() == page
-    monkeypatch.setattr("sys.argv", [*command, str(tmp_path)])
+    assert (tmp_path / "reproduction.md").read_text() == ", ".join(EXPERIMENTS)
+    assert {name: experiment.name for name, experiment in drawn.items()} == FIGURES
+
+
+def test_what_was_never_run_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["reproduction", "--results", str(tmp_path)])
     with pytest.raises(SystemExit, match=r"fig2_large has no finished results: .*=fig2_large$"):
         main()
 
 
-def unlike_the_paper(config: object) -> float:
-    return 2.0 + 2 * config.lam  # type: ignore[attr-defined]
+def unlike_the_paper(settings: Settings) -> float:
+    return 2.0 + 2 * settings["lam"]
 
 
 @pytest.mark.parametrize(
@@ -206,7 +204,7 @@ def unlike_the_paper(config: object) -> float:
     ids=["like the paper", "unlike it"],
 )
 def test_a_claim_fails_where_the_runs_say_so(
-    tmp_path: Path, level: Callable[..., float], expected: Verdict
+    tmp_path: Path, level: Level, expected: Verdict
 ) -> None:
     sweep = tmp_path / "fig2" / "2026-01-02_03-04-05"
     write_experiment(sweep, INVENTED["fig2"], level, 60)

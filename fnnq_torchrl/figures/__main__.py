@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from fnnq_torchrl.experiments import newest_experiment
 from fnnq_torchrl.report import announce
 
 from .gallery import FIGURES, draw
@@ -19,8 +20,11 @@ def main() -> None:
     if unknown := [name for name in arguments.names if name not in FIGURES]:
         parser.error(f"there is no figure {unknown[0]}; there is {', '.join(FIGURES)}")
     try:
-        experiments = {name: FIGURES[name][0] for name in arguments.names or FIGURES}
-        for path in draw(arguments.results, arguments.to, experiments):
+        experiments = {
+            name: newest_experiment(arguments.results, FIGURES[name][0])
+            for name in arguments.names or FIGURES
+        }
+        for path in draw(experiments, arguments.to):
             announce(str(path))
     except (OSError, ValueError) as error:
         sys.exit(str(error))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from fnnq_torchrl.experiments import Experiment, newest_experiment
+from fnnq_torchrl.experiments import Experiment
 
 from .curves import experiment_curves_figure
 from .dots import dots_figure
@@ -40,25 +40,24 @@ FIGURES: dict[str, tuple[str, Draw]] = {
 """By their file names: the experiment that a figure shows, and what draws it."""
 
 
-def draw(results: Path, pictures: Path, names: Mapping[str, str]) -> list[Path]:
+def draw(experiments: Mapping[str, Experiment], pictures: Path) -> list[Path]:
     """Draw figures as PNG and SVG.
 
     Args:
-        results: where the experiments lie.
+        experiments: the results to take for each figure, by the figures' names.
         pictures: the folder to write to, made if need be.
-        names: of the figures, each with the experiment to take for it.
 
     Returns:
         The files.
 
     Raises:
-        NoResults: an experiment has no results.
-        OSError, ValueError: a file can't be read or written, or is damaged.
+        NoResults: an experiment lacks a job.
+        OSError: a file can't be written.
     """
     pictures.mkdir(parents=True, exist_ok=True)
     written = []
-    for name, experiment in names.items():
-        figure = FIGURES[name][1](newest_experiment(results, experiment))
+    for name, experiment in experiments.items():
+        figure = FIGURES[name][1](experiment)
         for suffix in (".png", ".svg"):
             save(figure, (pictures / name).with_suffix(suffix))
             written.append((pictures / name).with_suffix(suffix))

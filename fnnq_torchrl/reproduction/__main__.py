@@ -21,7 +21,8 @@ def main() -> None:
     try:
         experiments = {name: newest_experiment(arguments.results, name) for name in EXPERIMENTS}
         text = write_page(experiments)
-        draw(arguments.results, arguments.to / "figures", FIGURES)
+        figures = {name: experiments[source] for name, source in FIGURES.items()}
+        draw(figures, arguments.to / "figures")
         page = arguments.to / "reproduction.md"
         with atomic_write(page) as file:
             file.write(text.encode())
