@@ -86,13 +86,8 @@ def test_one_run_has_no_interval_but_a_picture(tmp_path: Path) -> None:
     jobs = grid({"trace": "output,gradient", "lam": "0,0.3"})
     write_experiment(tmp_path / "traces" / "2026-01-02_03-04-05", jobs, lambda settings: 3, runs=1)
     traces = newest_experiment(tmp_path, "traces")
-    files = draw({"traces": traces, "readings": traces}, tmp_path / "figures")
-    assert [path.name for path in files] == [
-        "traces.png",
-        "traces.svg",
-        "readings.png",
-        "readings.svg",
-    ]
+    files = draw({"traces": traces}, tmp_path / "figures")
+    assert [path.name for path in files] == ["traces.png", "traces.svg"]
     assert all(path.stat().st_size > 1000 for path in files)
 
 

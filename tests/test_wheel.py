@@ -31,10 +31,15 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built
 
 
-def test_holds_both_packages_and_the_configuration(wheel: Path) -> None:
+def test_holds_the_packages_and_the_configuration(wheel: Path) -> None:
     sources = {
         path.relative_to(ROOT).as_posix()
-        for folder, pattern in (("envs", "*.py"), ("fnnq_torchrl", "*.py"), ("conf", "*.yaml"))
+        for folder, pattern in (
+            ("envs", "*.py"),
+            ("fnnq_torchrl", "*.py"),
+            ("hydra_plugins", "*.py"),
+            ("conf", "*.yaml"),
+        )
         for path in (ROOT / folder).rglob(pattern)
     }
     expected = {f"fnnq_torchrl/{name}" if name.startswith("conf/") else name for name in sources}
