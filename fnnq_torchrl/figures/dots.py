@@ -10,7 +10,7 @@ from fnnq_torchrl.measures import MEASURES
 from fnnq_torchrl.stats import bootstrap_interval, interquartile_mean
 
 from .lines import INTERVAL
-from .style import COLOURS, LABEL_PT, count_words, new_figure, quiet_grid
+from .style import COLOURS, LABEL_PITCH_PT, LABEL_PT, count_words, new_figure, quiet_grid
 from .words import job_words, setting_words
 
 RowWords = Callable[[Experiment, Job, str | None], str]
@@ -40,6 +40,7 @@ def dots_figure(
     )
     axes = figure.add_subplot()
     offsets = np.linspace(-0.15, 0.15, len(hues)) if len(hues) > 1 else [0.0]
+    first_row = [job for job in experiment.jobs if words(experiment, job, colours) == rows[0]]
     for job in experiment.jobs:
         hue = hues.index(job.settings[colours]) if colours else 0
         place = rows.index(words(experiment, job, colours)) + offsets[hue]
@@ -49,16 +50,17 @@ def dots_figure(
         axes.plot([low, high], [place, place], linewidth=1.6, color=colour)
         axes.plot(mean, place, "o", markersize=5, color=colour)
         axes.plot(interquartile_mean(scores), place, "|", markersize=9, color=colour)
-        if colours and place < 0.5:  # in the first row, beside the dot that it names
+        if colours and job in first_row:
             axes.annotate(
                 setting_words(colours, hues[hue]),
-                xy=(mean, place),
-                xytext=(0, 9 if hue == len(hues) - 1 else -9),
+                xy=(1.0, place),
+                xycoords=axes.get_yaxis_transform(),
+                xytext=(6, -LABEL_PITCH_PT / 2 * (hue - (len(hues) - 1) / 2)),
                 textcoords="offset points",
-                horizontalalignment="center",
                 verticalalignment="center",
                 fontsize=LABEL_PT,
                 color=colour,
+                annotation_clip=False,
             )
     axes.set_yticks(range(len(rows)), labels=rows)
     axes.set_ylim(-0.9, len(rows) - 0.4)

@@ -75,11 +75,11 @@ With f = ∂Q(s, a)/∂w, here the normalised firing strengths of the rules, the
 * *output*, to the letter: the network's output at (s, a) rises by one, e ← e + f/‖f‖²;
 * *gradient*, today's: e ← e + f.
 
-An error δ, k steps later, moves the Q of that pair by αδ(γλ)ᵏ by *output* and by αδ(γλ)ᵏ‖f‖² by
-*gradient*, while the present pair's own error (step g) moves its Q by αδ′‖f‖² under both. So by
-*output* an earlier pair weighs 1/‖f‖² times what it does by *gradient*, and where γλ > ‖f‖² the
-pair before the last is moved *more* than the last itself. In a table ‖f‖² = 1, and there is one
-reading. Here rules overlap and share the firing, and
+What a pair has added to the trace lets an error δ, k steps later, move its Q by αδ(γλ)ᵏ by *output*
+and by αδ(γλ)ᵏ‖f‖² by *gradient*, while the present pair's own error (step g) moves its Q by αδ′‖f‖²
+under both. So by *output* an earlier pair weighs 1/‖f‖² times what it does by *gradient*, and where
+γλ > ‖f‖² the same error moves the pair before the last *more* than the last itself. In a table
+‖f‖² = 1, and there is one reading. Here rules overlap and share the firing, and
 
 > ‖f‖² over bearings and actions: median {median:.2f}, 5 to 95 %: {low:.2f} to {high:.2f};
 > {ahead:.2f} at the smallest, near straight ahead, where a robot that follows its ball mostly is.
