@@ -65,7 +65,7 @@ def main() -> None:
     from tensordict import TensorDictBase
 
     from fnnq_torchrl.compose import load_config
-    from fnnq_torchrl.loops import Loop, Step
+    from fnnq_torchrl.loops import Loop, MakeStep
     from fnnq_torchrl.trainer import Trainer
 
     config = load_config("lam=0.2", "engine=compiled", *sys.argv[1:])
@@ -73,9 +73,9 @@ def main() -> None:
 
     made: list[Loop] = []
 
-    def make_loop(step: Step, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+    def make_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
         if not made:  # the trace of a step holds numbers alone, the same for every trainer
-            made.append(engine.make_loop(step, stays, state))
+            made.append(engine.make_loop(make_step, stays, state))
         return made[0]
 
     print("ready", flush=True)

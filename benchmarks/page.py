@@ -33,8 +33,8 @@ $speed
 
 ## Compiling
 
-Seconds, once for each number of lanes and configuration of the learner. The cache on disk serves
-later processes; compiling with an empty one is in the next table, cold.
+Seconds to trace the learner's step and to find its program in the cache on disk, in a new process;
+compiling with an empty cache is in the next table, cold.
 
 $compile
 
@@ -48,8 +48,8 @@ $command
 ## Memory
 
 Resident memory of the process. Of each run we keep the weights at each of its 41 evaluations, the C
-program keeps one number. "The rest" has in it what the compiler takes, however many runs there are;
-the last line hasn't.
+program keeps one number. "The rest" has in it what tracing the step takes, however many runs there
+are; the last line hasn't.
 
 $memory
 

@@ -120,7 +120,7 @@ def command_table(runs: int, repetitions: int) -> str:
     if not runs:
         return NOT_MEASURED
     with tempfile.TemporaryDirectory() as cache:
-        environment = {"TORCHINDUCTOR_CACHE_DIR": cache}
+        environment = {"XDG_CACHE_HOME": cache}
         cold, *warm = (measure(runs, environment) for _ in range(1 + repetitions))
     rows = [
         [key, short(cold.seconds[key]), spread([one.seconds[key] for one in warm])]

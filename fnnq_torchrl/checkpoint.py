@@ -1,6 +1,5 @@
 """The learned weights on disk: plain tensors and plain values, which can run no code."""
 
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from fnnq_torchrl.atomic import atomic_write
+from fnnq_torchrl.plain import read_plain, write_plain
 
 FORMAT = 1
 
@@ -79,8 +78,7 @@ def save_checkpoint(
         # Fails here and now on a value that could be written but, being no plain one, not loaded.
         config=json.loads(json.dumps(config)),
     )
-    with atomic_write(path) as file:
-        torch.save({"format": FORMAT, **vars(checkpoint)}, file)
+    write_plain(path, FORMAT, vars(checkpoint))
 
 
 def _own_copy(tensor: Tensor) -> Tensor:
@@ -95,17 +93,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         OSError: the file cannot be read.
         ValueError: it is not a checkpoint, not a whole one, or of another format. One line.
     """
-    data = path.read_bytes()
-    try:
-        content = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
-    # Bytes from anywhere make torch's reader raise nearly anything: EOFError, KeyError, ...
-    except Exception as error:
-        raise ValueError(f"{path} is not a checkpoint, or a damaged one") from error
-    if not isinstance(content, dict) or "format" not in content:
-        raise ValueError(f"{path} is not a checkpoint of fnnq_torchrl")
-    version = content.pop("format")
-    if not isinstance(version, int) or version != FORMAT:
-        raise ValueError(f"{path} has checkpoint format {version}, and this program reads {FORMAT}")
+    content = read_plain(path, FORMAT, "a checkpoint")
     try:
         return Checkpoint(**content)
     except (AttributeError, TypeError, ValueError) as error:

@@ -2,8 +2,9 @@
 
 import functools
 import os
+import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, count
 from pathlib import Path
 from typing import NoReturn
@@ -16,60 +17,110 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from fnnq_torchrl.compose import VERSION_BASE, config_directory, explain
+from fnnq_torchrl.batches import Job, JobFailed, Result, RunBatches
+from fnnq_torchrl.compose import VERSION_BASE, SeveralValues, config_directory, explain
 from fnnq_torchrl.config import Config, ConfigError, to_config
-from hydra_plugins.fnnq_torchrl_cases import CaseSweeper
-
-# Hydra finds it by itself only where hydra_plugins is a folder of the path.
-Plugins.instance().register(CaseSweeper)
+from fnnq_torchrl.interruptions import Interrupted
+from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
 
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the variable that makes Hydra raise its errors, not print them
 
 
-def command(job: Callable[[Config, Path], None]) -> Callable[[], None]:
+def command(
+    job: Callable[[Config, Path], float | None], run_batches: RunBatches | None = None
+) -> Callable[[], None]:
     """Makes a job a command.
 
     A mistake in the configuration, or any `ConfigError` of the job, is one line on stderr and exit
-    status 2; a file that can't be read or written is one line and status 1; Ctrl-C is status 130;
-    every other exception keeps its traceback. A user who sets HYDRA_FULL_ERROR=1 gets Hydra's own
-    errors with theirs.
+    status 2; a job that failed, or a file that can't be read or written, is one line and status 1;
+    Ctrl-C is status 130, another signal 128 and its number; every other exception keeps its
+    traceback. A user who sets HYDRA_FULL_ERROR=1 gets Hydra's own errors with theirs.
 
     Args:
-        job: takes the configuration and the directory, which exists, for what it writes.
+        job: takes the configuration and the directory, which exists, for what it writes. What it
+            returns is the job's value for a sweeper.
+        run_batches: does the same for batches of jobs at once; yields the results of each batch
+            (see :func:`fnnq_torchrl.job.run_batches`). If not given, job follows job.
 
     Returns:
-        A function without arguments that reads ``sys.argv``: one job, or one after the other
-        with ``-m``.
+        A function without arguments that reads ``sys.argv``: one job, or those of a sweep with
+        ``-m``.
     """
 
     @functools.wraps(job)  # Hydra names the job's log after the file that this leads to
-    def task(node: DictConfig) -> None:
+    def task(node: DictConfig) -> float | None:
         try:
-            job(to_config(node), Path(HydraConfig.get().runtime.output_dir))
+            return job(to_config(node), Path(HydraConfig.get().runtime.output_dir))
         except ConfigError as error:  # Hydra would go on with the sweep and add a line of its own
             _leave(2, str(error))
         except OSError as error:
             _leave_over_a_file(error)
 
+    task.run_batches = run_batches or _one_by_one(job)  # type: ignore[attr-defined]
+    for plugin in (BatchLauncher, BatchSweeper):  # Hydra finds them itself, if not everywhere
+        Plugins.instance().register(plugin)
     application = hydra.main(
         version_base=VERSION_BASE, config_path=str(config_directory()), config_name="config"
     )(task)
 
     @functools.wraps(job)
     def main() -> None:
+        _check_flags(sys.argv)
         if os.environ.get(FULL_ERROR) == "1":
             return application()
         try:
             with env_override({FULL_ERROR: "1"}):
                 application()
+        except ConfigError as error:
+            _leave(2, str(error))
         except (HydraException, OmegaConfBaseException) as error:
-            _leave(2, str(explain(error, sys.argv[1:])))
+            told = explain(error, sys.argv[1:])
+            several = isinstance(told, SeveralValues)
+            _leave(2, f"{told}; type {_typed(*sys.argv, '-m')}" if several else str(told))
+        except JobFailed as error:
+            _leave(1, str(error))
+        except Interrupted as error:
+            _leave(error.status, str(error))
         except OSError as error:
             _leave_over_a_file(error)
         except KeyboardInterrupt:
             _leave(130, "interrupted")
 
     return main
+
+
+def _one_by_one(job: Callable[[Config, Path], float | None]) -> RunBatches:
+    def run(each: Job) -> Result:
+        try:
+            return job(each.config, each.directory)
+        except (JobFailed, OSError) as error:
+            return error
+
+    def run_batches(
+        batches: Sequence[Sequence[Job]], *, pictures: bool
+    ) -> Iterator[Sequence[Result]]:
+        for batch in batches:
+            yield [run(each) for each in batch]
+
+    return run_batches
+
+
+def _check_flags(arguments: Sequence[str]) -> None:
+    """Hydra's parser takes its flags before or after the overrides, and not between them."""
+    program, *rest = arguments
+    for flag in ("-m", "--multirun"):
+        if flag in rest:
+            place = rest.index(flag)
+            if any("=" in before for before in rest[:place]) and "=" in "".join(rest[place + 1 :]):
+                others = [argument for argument in rest if argument != flag]
+                _leave(2, f"{flag} goes last; type {_typed(program, *others, flag)}")
+
+
+def _typed(program: str, *arguments: str) -> str:
+    """A command as one would type it."""
+    name = Path(program).name
+    begin = f"python -m fnnq_torchrl.{Path(name).stem}" if name.endswith(".py") else name
+    return f"{begin} {shlex.join(arguments)}"
 
 
 def _leave(status: int, message: str) -> NoReturn:

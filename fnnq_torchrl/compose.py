@@ -1,5 +1,6 @@
 """From overrides such as ``lam=0.2`` to a valid `Config`, and what to say when there is none."""
 
+import difflib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ from hydra.errors import HydraException, MissingConfigException, OverrideParseEx
 from omegaconf.errors import OmegaConfBaseException
 
 from envs.ranges import allowed
+from fnnq_torchrl.batches import LauncherConfig
 from fnnq_torchrl.config import Config, ConfigError, OutOfRange, refusal, to_config
 
 VERSION_BASE = "1.3"  # of Hydra, whose defaults change with it
@@ -58,30 +60,56 @@ def explain(
     message = " ".join(str(error).split()) or str(cause).splitlines()[0]
     if isinstance(cause, OmegaConfBaseException):
         key = cause.full_key or "hydra"
-        of_hydra = key.partition(".")[0] == "hydra"
-        return ConfigError(message) if of_hydra else refusal(cause, _given(key, overrides))
+        if key.partition(".")[0] == "hydra":
+            return ConfigError(message + _advice_on_hydra(key))
+        return refusal(cause, _given(key, overrides))
     if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
         group, _, choice = error.missing_cfg_file.rpartition("/")
         return OutOfRange(group, choice, " or ".join(error.options))
     if isinstance(error, OverrideParseException):
-        return ConfigError(f"{error.override}: can't be read as key=value")
+        return ConfigError(f"{error.override}: {_advice_on_parsing(error.override, overrides)}")
     for override in overrides:
         if "--multirun" in message and f"'{override}'" in message:
-            key = override.partition("=")[0]
-            range_ = allowed(Config).get(key, "one value")
-            return ConfigError(
-                f"{override}: several values need -m, a job for each; {key} must be {range_}"
-            )
+            return SeveralValues(f"{override}: several values need -m, a job for each")
     return ConfigError(message)
+
+
+class SeveralValues(ConfigError):
+    """Several values for a key, and no ``-m``."""
+
+
+def _advice_on_hydra(key: str) -> str:
+    """Of the launcher's settings, the nearest in spelling to a key that there isn't."""
+    group, _, name = key.rpartition(".")
+    near = difflib.get_close_matches(name, allowed(LauncherConfig), n=1)
+    return f"; did you mean {group}.{near[0]}?" if near and group == "hydra.launcher" else ""
+
+
+def _advice_on_parsing(override: str, overrides: Sequence[str]) -> str:
+    """Why something can't be read as an override, where it is a parenthesis that the shell cut."""
+    for end in range(1, len(overrides) + 1):
+        if override.count("(") <= override.count(")"):
+            break
+        for begin in range(end):
+            whole = " ".join(overrides[begin:end])
+            if overrides[begin] == override and whole.count("(") == whole.count(")"):
+                return f"parentheses need quotes; type '{whole}'"
+    else:
+        return "its parenthesis isn't closed; type it in quotes, as in 'seed=range(22)'"
+    return "can't be read as key=value"
 
 
 def _given(key: str, overrides: Sequence[str]) -> str | None:
     """What the user wrote for a key."""
     for override in overrides:
-        name, _, value = override.lstrip("+~").partition("=")
-        if name == key:
-            return value
+        if key_of(override) == key:
+            return override.partition("=")[2]
     return None
+
+
+def key_of(override: str) -> str:
+    """The key that an override, ``lam=0.2`` or ``+lam=0.2``, is about."""
+    return override.lstrip("+~").partition("=")[0]
 
 
 @contextmanager

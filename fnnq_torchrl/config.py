@@ -38,6 +38,7 @@ __all__ = [
     "TRACES",
     "VARIANTS",
     "ActionConfig",
+    "CheckpointConfig",
     "Config",
     "ConfigError",
     "EvaluationConfig",
@@ -113,6 +114,13 @@ class EvaluationConfig(Parameters):
     situations: list[Any] = pairs("angle", "speed")
 
 
+@dataclass
+class CheckpointConfig(Parameters):
+    """When a training that isn't finished is saved."""
+
+    every_s: float = number(above=0)
+
+
 @dataclass(kw_only=True)
 class Config(Parameters):
     """One job: a batch of runs that learn side by side. Checked when it is made."""
@@ -132,12 +140,14 @@ class Config(Parameters):
     window: int = whole(1)
     engine: str = one_of("auto", "eager", "compiled")
     situations: int = whole(1)
+    resume: str = one_of("auto", "never")
 
     env: World
     value: FNNQConfig
     action: ActionConfig
     evaluation: EvaluationConfig
     machine: MachineConfig
+    checkpoint: CheckpointConfig
 
     def __post_init__(self) -> None:
         check(self)

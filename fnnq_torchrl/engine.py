@@ -1,20 +1,22 @@
 """What runs the steps: Python, one after the other, or a native loop compiled from them."""
 
+import logging
 import os
-import shutil
-import sys
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from pathlib import Path
 
 import torch
+from tensordict import TensorDictBase
 
 from fnnq_torchrl.config import Config, ConfigError
-from fnnq_torchrl.loops import MakeLoop, eager_loop
+from fnnq_torchrl.loops import EagerLoop, Loop, MakeLoop, MakeStep
+from fnnq_torchrl.native import NativeLoop, Unsupported, cache_directory, compiler, compiler_found
 from fnnq_torchrl.threads import threads_for
 
-_WORTH_COMPILING = 8_000
-"""Steps of a loop from which on compiling it pays: at 4 ms an eager step, half a minute."""
+_log = logging.getLogger(__name__)
+
+_WORTH_COMPILING = {"cpu": 1_500, "cuda": 8_000}
+"""Steps of a loop from which on compiling pays: at 4 ms an eager step, six and thirty seconds."""
 
 _MEAN_SITUATION = 1 / 2
 """Of the time limit: about how long a situation takes, between not at all and to the end."""
@@ -54,18 +56,33 @@ def make_engine(name: str, device: torch.device) -> Engine:
         ConfigError: it compiles, and there is no C++ compiler.
     """
     if name == "eager":
-        return Engine(name, eager_loop, workers=1, most_lanes=2**14)
+        return Engine(name, EagerLoop, workers=1, most_lanes=2**14)
     if not compiler_found():
         raise ConfigError(
-            f"engine=compiled: needs a C++ compiler, and there is no {_compiler()}; "
+            f"engine=compiled: needs a C++ compiler, and there is no {compiler()}; "
             "install one, name another in CXX, or take engine=eager"
         )
-    _cache_where_later_jobs_find_it()
-    from fnnq_torchrl.compiled import CompiledLoop  # not before: it takes long to import
-
     if device.type == "cuda":
-        return Engine(name, CompiledLoop, workers=1, most_lanes=2**17)
-    return Engine(name, CompiledLoop, workers=torch.get_num_threads(), most_lanes=2**11)
+        return Engine(name, _inductor_loop, workers=1, most_lanes=2**17)
+    return Engine(name, _native_loop, workers=torch.get_num_threads(), most_lanes=2**11)
+
+
+def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+    """Written out as scalars or, if the step is too large or too strange for that, by Inductor."""
+    try:
+        return NativeLoop(make_step, stays, state)
+    except Unsupported as error:
+        why, *_ = str(error).splitlines()
+        _log.info("engine: compiled by TorchInductor, which takes longer: %s", why)
+        return _inductor_loop(make_step, stays, state)
+
+
+def _inductor_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+    # Where later jobs find it: torch's own default is a temporary directory.
+    os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(cache_directory() / "inductor"))
+    from fnnq_torchrl.inductor import InductorLoop  # not before: it takes long to import
+
+    return InductorLoop(make_step, stays, state)
 
 
 def choose(config: Config) -> tuple[str, str]:
@@ -79,21 +96,6 @@ def choose(config: Config) -> tuple[str, str]:
         return "eager", "engine: eager, since there is no C++ compiler"
     steps = int(config.situations * config.env.time_limit_steps * _MEAN_SITUATION)
     about = f"about {steps:,} steps of {config.num_seeds:,} runs"
-    if steps < _WORTH_COMPILING:
+    if steps < _WORTH_COMPILING[config.machine.device.partition(":")[0]]:
         return "eager", f"engine: eager, since {about} are not worth compiling"
-    return "compiled", f"engine: compiled, since {about} are worth it (engine=eager begins at once)"
-
-
-def compiler_found() -> bool:
-    """Whether there is a C++ compiler, where torch looks for one."""
-    return shutil.which(_compiler()) is not None
-
-
-def _compiler() -> str:
-    return os.environ.get("CXX") or ("clang++" if sys.platform == "darwin" else "g++")
-
-
-def _cache_where_later_jobs_find_it() -> None:
-    """Torch's own default is a temporary directory, which a reboot empties."""
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(home / "fnnq_torchrl" / "inductor"))
+    return "compiled", f"engine: compiled, since {about} are worth it"

@@ -9,15 +9,14 @@ from torch import Tensor
 from envs.follow_ball import FollowBall
 from envs.world import World
 from fnnq_torchrl.engine import Engine
+from fnnq_torchrl.ledger import Ledger
+from fnnq_torchrl.loops import Step
 from fnnq_torchrl.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.program import act
 from fnnq_torchrl.values import ValueNetwork
 
 FIRST_EPISODE = 2**32
 """Evaluations draw their random numbers as episodes from here on, which learning never reaches."""
-
-_STEPS = 30
-"""Between two looks at who is done: a look costs about as much as a step of many lanes."""
 
 
 class Playing:
@@ -26,16 +25,12 @@ class Playing:
     Each situation of each snapshot of weights is a job. Random numbers are the run's own, new ones
     for every evaluation.
 
-    Attributes:
-        jobs: how many there are.
-        catches: of each snapshot, so far, int64 ``[evaluations, runs]``.
-
     Args:
         value_network: whose weights the snapshots replace.
         world: the learning world's parameters: same time limit, same sensor.
         situations: starts of the ball (φ₀, ω_b), in rad and rad/s, ``[situations, 2]``.
-        weights: the snapshots, by name, batch size ``[evaluations, runs]``.
         seed: the runs' seeds, int64 ``[runs, 1]``.
+        ledger: has the snapshots, and what they have played so far; kept up to date.
         engine: makes the loop, for ``lanes``.
         lanes: how many situations are played side by side.
         on_progress: is told how many situations, of all snapshots together, are played.
@@ -46,23 +41,28 @@ class Playing:
         value_network: ValueNetwork,
         world: World,
         situations: Tensor,
-        weights: TensorDictBase,
         seed: Tensor,
+        ledger: Ledger,
         engine: Engine,
         lanes: int,
         on_progress: Callable[[int], None],
     ) -> None:
-        evaluations, self._runs = weights.batch_size
-        self.jobs = evaluations * self._runs * len(situations)
-        self.catches = torch.zeros(evaluations, self._runs, dtype=torch.int64)
+        evaluations, self._runs = ledger.catches.shape
         self._policy = EpsilonGreedyPolicy(value_network, epsilon=0.0)
-        self._situations = situations
-        self._env = FollowBall(world, [lanes], dtype=situations.dtype, device=situations.device)
-        self._weights = weights.view(evaluations * self._runs)
+        self._world, self._situations = world, situations
+        self._env = self._make_env(lanes)
+        self._weights = ledger.book.pages["weights"].view(evaluations * self._runs)
         self._seed = seed
-        self._played, self._on_progress = 0, on_progress
+        self._played, self._catches = ledger.played.view(-1), ledger.catches.view(-1)
+        self._done, self._on_progress = int(ledger.played.sum()), on_progress
+        self.steps = world.time_limit_steps
         example = self.begin(torch.zeros(lanes, dtype=torch.int64))
-        self._loop = engine.make_loop(self._step, *example)
+        self.loop = engine.make_loop(self._make_step, *example)
+
+    @property
+    def jobs(self) -> Tensor:
+        """The situations of snapshots that aren't played, int64."""
+        return (~self._played).nonzero().squeeze(-1)
 
     def begin(self, jobs: Tensor) -> tuple[TensorDict, TensorDict]:
         jobs = jobs.to(self._seed.device)
@@ -78,25 +78,34 @@ class Playing:
         no = torch.zeros_like(never, dtype=torch.bool)
         return stays, TensorDict({"world": world, "over": no, "caught": no.clone()}, **batch)
 
-    def _step(self, stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
-        world = act(self._policy, stays["weights"], stays["epsilon"], state["world"])
-        after = self._env.step(world)["next"]
-        caught = state["caught"] | ((after["reward"] > 0) & ~state["over"])
-        over = state["over"] | after["terminated"]
-        world = after.select(*state["world"].keys())
-        return TensorDict(
-            {"world": world, "over": over, "caught": caught}, state.batch_size, device=state.device
-        )
+    def _make_env(self, lanes: int) -> FollowBall:
+        like = self._situations
+        return FollowBall(self._world, [lanes], dtype=like.dtype, device=like.device)
 
-    def advance(self, stays: TensorDictBase, state: TensorDictBase) -> TensorDictBase:
-        return self._loop(stays, state, _STEPS)
+    def _make_step(self, lanes: int) -> Step:
+        env = self._make_env(lanes)
+
+        def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+            world = act(self._policy, stays["weights"], stays["epsilon"], state["world"])
+            after = env.step(world)["next"]
+            caught = state["caught"] | ((after["reward"] > 0) & ~state["over"])
+            over = state["over"] | after["terminated"]
+            world = after.select(*state["world"].keys())
+            return TensorDict(
+                {"world": world, "over": over, "caught": caught},
+                state.batch_size,
+                device=state.device,
+            )
+
+        return step
 
     def collect(self, jobs: Tensor, state: TensorDictBase) -> Tensor:
         over = state["over"].squeeze(-1).cpu()
         lanes = ((jobs >= 0) & over).nonzero().squeeze(-1)
         snapshot = jobs[lanes] // len(self._situations)
         caught = state["caught"].squeeze(-1).cpu()[lanes].long()
-        self.catches.view(-1).index_add_(0, snapshot, caught)
-        self._played += len(lanes)
-        self._on_progress(self._played)
+        self._catches.index_add_(0, snapshot, caught)
+        self._played[jobs[lanes]] = True
+        self._done += len(lanes)
+        self._on_progress(self._done)
         return over

@@ -11,7 +11,8 @@ from omegaconf import DictConfig, OmegaConf
 from fnnq_torchrl.config import ConfigError, to_config
 from fnnq_torchrl.results import Evaluations, read_evaluations
 
-_OF_THE_MACHINE = ("engine", "machine.device")  # what is computed, they don't change
+HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s")
+"""Keys that don't change what is computed."""
 
 
 class NoResults(ValueError):
@@ -50,7 +51,7 @@ class Experiment:
         return [
             key
             for key in first
-            if key not in _OF_THE_MACHINE
+            if key not in HOW_IT_RUNS
             and any(job.settings.get(key) != first[key] for job in self.jobs)
         ]
 

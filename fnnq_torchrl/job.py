@@ -1,50 +1,153 @@
-"""One job, from its configuration to the files of its output directory."""
+"""Jobs, from their configurations to the files of their output directories."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from functools import partial
+from itertools import accumulate, pairwise
 from pathlib import Path
 
 import torch
+from tensordict import TensorDictBase
+from torch import Tensor
 
+from fnnq_torchrl.batches import Job, JobFailed, as_one
 from fnnq_torchrl.checkpoint import save_checkpoint
 from fnnq_torchrl.config import Config, OutOfRange
+from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.figures import learning_curve
+from fnnq_torchrl.interruptions import Interruptions
+from fnnq_torchrl.keeper import HandsKeeper
 from fnnq_torchrl.report import Progress, announce, print_summary
-from fnnq_torchrl.results import summarise, write_evaluations, write_summary
+from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
+from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.trainer import Trainer
 
+_NAMED = 5
+"""Diverged runs that are named; the others are counted."""
 
-def run_job(config: Config, directory: Path) -> None:
+
+def run_job(config: Config, directory: Path) -> float:
     """Train all runs of a job and say what came of it.
 
     Leaves ``checkpoint.pt``, ``evaluations.csv``, ``learning_curve.png`` and, last of all,
     ``summary.json`` in the directory, and a table on the screen.
 
+    Returns:
+        The objective, the mean score over the runs.
+
     Raises:
         OutOfRange: the device isn't there.
+        Interrupted: a signal has ended the work, which is saved.
         ConfigError: the engine is to compile, and the compiler isn't there or fails.
+        JobFailed: runs diverged; their evaluations and weights are written, no summary.
         OSError: a file can't be written.
     """
-    _check_device(config.machine.device)
-    trainer = Trainer(config)
-    announce(trainer.engine_chosen)
-    with Progress(trainer.situations_to_learn, "learning") as progress:
-        trainer.learn(progress.update)
-    with Progress(trainer.situations_to_play, "evaluating") as progress:
-        outcome = trainer.evaluate(progress.update)
-
-    evaluations, picture = directory / "evaluations.csv", directory / "learning_curve.png"
-    save_checkpoint(
-        directory / "checkpoint.pt", trainer.weights, outcome.seed, outcome.lam, asdict(config)
-    )
-    write_evaluations(evaluations, outcome)
-    learning_curve(evaluations, picture, best=len(config.evaluation.situations))
-    summary = summarise(outcome)
-    write_summary(directory / "summary.json", summary)
-    print_summary(summary, picture)
+    [[result]] = run_batches([[Job(config, directory)]], pictures=True)
+    if isinstance(result, Exception):
+        raise result
+    print_summary(read_summary(directory / "summary.json"), directory / "learning_curve.png")
+    return result
 
 
-def _check_device(device: str) -> None:
+def run_batches(
+    batches: Sequence[Sequence[Job]], *, pictures: bool
+) -> Iterator[list[float | Exception]]:
+    """Train the jobs of each batch side by side.
+
+    A job leaves the files that it would leave alone, the same bit for bit but for the wall times
+    in ``summary.json``, which are its batch's.
+
+    Args:
+        batches: of jobs that are equal but for `fnnq_torchrl.batches.BATCHABLE`.
+        pictures: whether each job gets its ``learning_curve.png``; they take longer to draw than
+            many a run takes to learn.
+
+    Yields:
+        The results of a batch's jobs. One that failed leaves the others as they are.
+
+    Raises:
+        OutOfRange: a device isn't there; before any batch begins.
+        Interrupted: a signal has ended the work, which is saved.
+        ConfigError: an engine is to compile, and the compiler isn't there, or fails.
+    """
+    for batch in batches:
+        _check_machine(batch[0].config)
+    for batch in batches:
+        yield _run_batch(batch, pictures)
+
+
+def _check_machine(config: Config) -> None:
+    device = config.machine.device
     _, _, index = device.partition("cuda:")
     if device != "cpu" and torch.cuda.device_count() <= int(index or 0):
         found = torch.cuda.device_count()
         raise OutOfRange("machine.device", device, f"there: this machine has {found} CUDA devices")
+    engine, _ = choose(config)
+    make_engine(engine, torch.device(device))
+
+
+def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
+    trainer = Trainer(*as_one([job.config for job in jobs]))
+    announce(trainer.engine_chosen)
+    saved = SavedTraining(jobs[-1].directory, trainer.config, trainer.engine.name)
+    outcome = _train(trainer, saved)
+    finite = _finite(trainer.weights)
+    bounds = accumulate((job.config.num_seeds for job in jobs), initial=0)
+    results: list[float | Exception] = []
+    for job, (begin, end) in zip(jobs, pairwise(bounds), strict=True):
+        runs = slice(begin, end)
+        try:
+            result: float | Exception = _write(
+                job, outcome.of(runs), trainer.weights[runs], finite[runs], pictures
+            )
+        except (JobFailed, OSError) as error:
+            result = error
+        results.append(result)
+    saved.discard()
+    return results
+
+
+def _train(trainer: Trainer, saved: SavedTraining) -> Outcome:
+    """All of it, or what was left of it; saved from time to time, and when a signal ends it."""
+    if trainer.config.resume == "auto" and saved.load(trainer.ledger):
+        announce(f"going on from {saved.path}")
+    with Interruptions(trainer.config.checkpoint.every_s) as interruptions:
+        keeper = HandsKeeper(interruptions, partial(saved.save, trainer.ledger))
+        with Progress(trainer.situations_to_learn, "learning") as progress:
+            trainer.learn(progress.update, keeper)
+        with Progress(trainer.situations_to_play, "evaluating") as progress:
+            outcome = trainer.evaluate(progress.update, keeper)
+        keeper.finish()
+    return outcome
+
+
+def _finite(weights: TensorDictBase) -> Tensor:
+    """Of each run, whether all its weights are: bool ``[runs]`` on the CPU."""
+    finite = [weight.isfinite().flatten(1).all(dim=1) for weight in weights.values()]
+    return torch.stack(finite).all(dim=0).cpu()
+
+
+def _write(
+    job: Job, outcome: Outcome, weights: TensorDictBase, finite: Tensor, pictures: bool
+) -> float:
+    directory, config = job.directory, job.config
+    evaluations = directory / "evaluations.csv"
+    save_checkpoint(directory / "checkpoint.pt", weights, outcome.seed, outcome.lam, asdict(config))
+    write_evaluations(evaluations, outcome)
+    if not finite.all():
+        raise JobFailed(_diverged(outcome.seed[~finite.numpy()].tolist()))
+    if pictures:
+        picture = directory / "learning_curve.png"
+        learning_curve(evaluations, picture, best=len(config.evaluation.situations))
+    summary = summarise(outcome)
+    write_summary(directory / "summary.json", summary)
+    return summary["mean_score"]
+
+
+def _diverged(seeds: list[int]) -> str:
+    named = ", ".join(map(str, seeds[:_NAMED]))
+    more = f" and {len(seeds) - _NAMED:,} more" if len(seeds) > _NAMED else ""
+    return (
+        f"seed{'s' if len(seeds) > 1 else ''} {named}{more} diverged, "
+        "to weights that aren't finite; a smaller alpha may help"
+    )

@@ -2,13 +2,12 @@
 
 from collections.abc import Callable
 
-import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.loops import Loop
 from fnnq_torchrl.program import Program
-from fnnq_torchrl.snapshots import SnapshotBook
 
 
 class Learning:
@@ -18,8 +17,7 @@ class Learning:
         program: one learning step, for as many runs as there are lanes.
         loop: of that step.
         run: what each run is, ``[runs]``.
-        situations: after which a run is done.
-        book: where the snapshots go.
+        ledger: what is done of them so far; kept up to date.
         on_progress: is told how many situations, of all runs together, are done.
     """
 
@@ -28,29 +26,34 @@ class Learning:
         program: Program,
         loop: Loop,
         run: TensorDictBase,
-        situations: int,
-        book: SnapshotBook,
+        ledger: Ledger,
         on_progress: Callable[[int], None],
     ) -> None:
         self.run = run
-        self._program, self._loop, self._book = program, loop, book
+        self.loop = loop
         # In so few steps no run can come to a second snapshot.
-        self._steps = program.env.fewest_steps * program.evaluate_every
-        self._situations = situations
-        self._done = torch.zeros(len(run), dtype=torch.int64)
-        self._on_progress = on_progress
+        self.steps = program.env.fewest_steps * program.evaluate_every
+        self._program, self._ledger, self._on_progress = program, ledger, on_progress
+        self._situations = run["situations"].squeeze(-1).cpu()
+
+    @property
+    def jobs(self) -> Tensor:
+        """The runs that aren't done, int64."""
+        return (self._ledger.learned < self._situations).nonzero().squeeze(-1)
 
     def begin(self, jobs: Tensor) -> tuple[TensorDictBase, TensorDictBase]:
         run = self.run[jobs.to(self.run.device)]
-        return run, self._program.begin(run)
-
-    def advance(self, stays: TensorDictBase, state: TensorDictBase) -> TensorDictBase:
-        return self._loop(stays, state, self._steps)
+        state = self._program.begin(run)
+        for begun, states in self._ledger.hands:
+            lane, place = (jobs.unsqueeze(-1) == begun).nonzero(as_tuple=True)
+            if len(lane):
+                state[lane] = states[place]
+        return run, state
 
     def collect(self, jobs: Tensor, state: TensorDictBase) -> Tensor:
-        self._book.collect(jobs, state)
-        situations = state["situations"].squeeze(-1).cpu().clamp(max=self._situations)
-        busy = jobs >= 0
-        self._done[jobs[busy]] = situations[busy]
-        self._on_progress(int(self._done.sum()))
-        return situations == self._situations
+        self._ledger.book.collect(jobs, state)
+        busy, learned = jobs >= 0, self._ledger.learned
+        situations = state["situations"].squeeze(-1).cpu()[busy]
+        learned[jobs[busy]] = situations.minimum(self._situations[jobs[busy]])
+        self._on_progress(int(learned.sum()))
+        return state["over"].squeeze(-1).cpu()

@@ -23,12 +23,14 @@ class Program:
     Everything that differs from run to run comes in TensorDicts of batch size ``[runs]``, and
     nothing is averaged over runs, so each run is a learner of its own:
 
-    * ``run``, which stays: ``seed``, ``lam``, ``alpha``, ``alpha_decay``, ``gamma`` and the amount
-      of exploration by its name, as ``epsilon``, each ``[runs, 1]``;
+    * ``run``, which stays: ``seed``, ``lam``, ``alpha``, ``alpha_decay``, ``gamma``, the amount of
+      exploration by its name, as ``epsilon``, and ``situations``, how many it is to learn from;
+      each ``[runs, 1]``;
     * ``state``, which every step replaces: ``world``, what the environment needs to go on;
       ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the step size
-      so far decayed; ``situations`` and ``steps``, counts of what was learned from; ``snapshot``,
-      weights and counts as they were when an evaluation was last due.
+      so far decayed; ``situations`` and ``steps``, counts of what was learned from; ``over``,
+      whether that is all; ``snapshot``, weights and counts as they were when an evaluation was
+      last due.
 
     Args:
         env: the world, with the runs as its batch.
@@ -71,6 +73,7 @@ class Program:
                 "alpha": run["alpha"].clone(),
                 "situations": zero.clone(),
                 "steps": zero.clone(),
+                "over": torch.zeros_like(zero, dtype=torch.bool),
                 "snapshot": TensorDict(
                     {
                         "weights": TensorDict({k: _copy(w) for k, w in weights.items()}, **batch),
@@ -137,6 +140,7 @@ class Program:
                 "alpha": alpha.unsqueeze(-1),
                 "situations": situations,
                 "steps": steps,
+                "over": situations >= run["situations"],
                 "snapshot": now,
             },
             batch_size=state.batch_size,

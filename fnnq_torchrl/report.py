@@ -1,19 +1,27 @@
 """What a command shows on the terminal: its progress, and the table at its end."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
 from rich import progress
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from fnnq_torchrl.results import Summary
+from fnnq_torchrl.results import CONFIDENCE, Summary
+from fnnq_torchrl.stats import mean_interval
 
 # Where there is no terminal, progress is one line each time another of so many parts is done.
 _PARTS = 5
+# Configurations of a sweep in its table.
+_ROWS = 20
+# Not every terminal can show Greek letters, and failing there would be a sad end to a long job.
+_LATIN = {"λ": "lam", "α": "alpha", "γ": "gamma", "ε": "epsilon"}
 
 
 class Progress:
@@ -122,8 +130,7 @@ def print_summary(summary: Summary, picture: Path, console: Console | None = Non
     table.add_column(overflow="fold")
     table.add_column(overflow="fold")
     table.add_row("runs", f"{summary['runs']:,}")
-    # Not every terminal can show a λ, and failing there would be a sad end to a long job.
-    lam = "lam" if console.options.ascii_only else "λ"
+    lam = _LATIN["λ"] if console.options.ascii_only else "λ"
     table.add_row(lam, ", ".join(f"{value:g}" for value in summary["lam"]))
     for name, mean, interval in (
         ("mean score", summary["mean_score"], summary["mean_score_interval"]),
@@ -134,10 +141,43 @@ def print_summary(summary: Summary, picture: Path, console: Console | None = Non
     rate = summary["learning_steps_per_second"]
     table.add_row("learning steps per second", "unknown" if rate is None else f"{rate:,.0f}")
     console.print(table)
+    _print_path(console, "learning curve", picture)
 
-    if picture.is_relative_to(Path.cwd()):
-        picture = picture.relative_to(Path.cwd())
-    console.print(f"learning curve: {picture}", soft_wrap=True, markup=False, highlight=False)
+
+def print_sweep(
+    scores: Sequence[tuple[str, NDArray[np.float64]]], picture: Path, console: Console | None = None
+) -> None:
+    """Print what a sweep found, the best first, and where its picture is.
+
+    Args:
+        scores: each configuration's name, and the mean score of each of its runs, ``[runs]``.
+        picture: shown as by :func:`print_summary`.
+        console: standard output, unless given.
+    """
+    console = console or Console()
+    table = Table()
+    for heading in ("configuration", "runs", "mean score"):
+        table.add_column(heading, overflow="fold")
+    best_first = sorted(scores, key=lambda item: -item[1].mean())
+    for name, of_runs in best_first[:_ROWS]:
+        if console.options.ascii_only:
+            name = "".join(_LATIN.get(letter, letter) for letter in name)
+        mean, low, high = mean_interval(of_runs, confidence=CONFIDENCE)
+        interval = None if len(of_runs) == 1 else [float(low), float(high)]
+        table.add_row(
+            Text(name), f"{len(of_runs):,}", f"{mean:.2f}, {_interval(interval, CONFIDENCE)}"
+        )
+    console.print(table)
+    if len(scores) > _ROWS:
+        announce(f"the best {_ROWS} of {len(scores):,}; all are in summary.csv", console)
+    _print_path(console, "learning curves", picture)
+
+
+def _print_path(console: Console, name: str, path: Path) -> None:
+    path = path.absolute()
+    if path.is_relative_to(Path.cwd()):
+        path = path.relative_to(Path.cwd())
+    announce(f"{name}: {path}", console)
 
 
 def _interval(interval: list[float] | None, confidence: float) -> str:

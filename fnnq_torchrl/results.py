@@ -3,9 +3,9 @@
 import io
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypedDict
+from typing import Self, TypedDict, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,11 +78,26 @@ class Evaluations:
 
 @dataclass(frozen=True, eq=False)
 class Outcome(Evaluations):
-    """A finished job: its evaluations, and the wall time that its parts took."""
+    """Finished runs: their evaluations, and the wall time that their batch took, part by part.
 
+    A batch is what was trained together: a job's runs, or those of several jobs.
+    """
+
+    batch_runs: int
+    batch_learning_steps: int  # of all its runs together
     train_seconds: float  # learning, without the two below
     compile_seconds: float
     evaluate_seconds: float
+
+    def of(self, runs: slice) -> Self:
+        """What came of some of the runs; the batch stays the one they were in."""
+        return replace(
+            self,
+            seed=self.seed[runs],
+            lam=self.lam[runs],
+            steps=self.steps[runs],
+            catches=self.catches[runs],
+        )
 
 
 class Summary(TypedDict):
@@ -91,6 +106,8 @@ class Summary(TypedDict):
     runs: int
     lam: list[float]  # the distinct values, rising
     learning_steps: int  # of all runs together
+    # Of the batch: jobs that were trained together share these.
+    batch_runs: int
     train_seconds: float
     compile_seconds: float
     evaluate_seconds: float
@@ -106,15 +123,16 @@ def summarise(outcome: Outcome) -> Summary:
     """The job in a few numbers: means over its runs and Student's t intervals of those means."""
     mean_score, mean_score_interval = _mean_over_runs(outcome.mean_score)
     final_score, final_score_interval = _mean_over_runs(outcome.final_score)
-    steps, seconds = outcome.learning_steps, outcome.train_seconds
+    seconds = outcome.train_seconds
     return Summary(
         runs=outcome.runs,
         lam=np.unique(outcome.lam).tolist(),
-        learning_steps=steps,
+        learning_steps=outcome.learning_steps,
+        batch_runs=outcome.batch_runs,
         train_seconds=seconds,
         compile_seconds=outcome.compile_seconds,
         evaluate_seconds=outcome.evaluate_seconds,
-        learning_steps_per_second=steps / seconds if seconds > 0 else None,
+        learning_steps_per_second=outcome.batch_learning_steps / seconds if seconds > 0 else None,
         mean_score=mean_score,
         mean_score_interval=mean_score_interval,
         final_score=final_score,
@@ -138,6 +156,22 @@ def write_summary(path: Path, summary: Summary) -> None:
     text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
     with atomic_write(path) as file:
         file.write(text.encode())
+
+
+def read_summary(path: Path) -> Summary:
+    """Read summary.json back.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is not a summary.json; the message names the file.
+    """
+    try:
+        summary = json.loads(path.read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path} is not a summary: {error}") from error
+    if not isinstance(summary, dict) or not summary.keys() >= Summary.__annotations__.keys():
+        raise ValueError(f"{path} is not a complete summary")
+    return cast(Summary, summary)
 
 
 def write_evaluations(path: Path, evaluations: Evaluations) -> None:

@@ -13,6 +13,7 @@ class SnapshotBook:
     Attributes:
         pages: batch size ``[evaluations, runs]``: ``weights`` by name, and ``steps``, int64. The
             first page has the weights before learning.
+        collected: the last page that each run has, int64 ``[runs]``.
 
     Args:
         weights: of a run before learning, by name, with any number of runs first.
@@ -41,7 +42,7 @@ class SnapshotBook:
         )
         for name, weight in untrained.items():
             self.pages["weights", name][0] = weight
-        self._collected = torch.zeros(runs, dtype=torch.int64)
+        self.collected = torch.zeros(runs, dtype=torch.int64)
 
     def collect(self, runs: Tensor, state: TensorDictBase) -> None:
         """Put the snapshots that are new since the last call on their pages.
@@ -54,11 +55,11 @@ class SnapshotBook:
             state: the program's, ``[lanes]``.
         """
         due = (state["situations"].squeeze(-1).cpu() // self._every).clamp(max=self._last)
-        lanes = ((runs >= 0) & (due > self._collected[runs])).nonzero().squeeze(-1)
+        lanes = ((runs >= 0) & (due > self.collected[runs])).nonzero().squeeze(-1)
         if len(lanes):
             runs, due = runs[lanes], due[lanes]
             snapshot = state["snapshot"]
             for name, weight in snapshot["weights"].items():
                 self.pages["weights", name][due, runs] = weight[lanes]
             self.pages["steps"][due, runs] = snapshot["steps"][lanes].squeeze(-1)
-            self._collected[runs] = due
+            self.collected[runs] = due

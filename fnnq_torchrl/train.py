@@ -1,18 +1,30 @@
-"""Trains a batch of runs: ``python -m fnnq_torchrl.train lam=0.2 seed=3``."""
+"""Trains a batch of runs: ``python -m fnnq_torchrl.train lam=0.2 seed=3``, or ``fnnq-train …``."""
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from fnnq_torchrl.batches import Job, Result
 from fnnq_torchrl.cli import command
 from fnnq_torchrl.config import Config
 
 
-@command
-def main(config: Config, directory: Path) -> None:
+def train(config: Config, directory: Path) -> float:
     """Trains what the configuration says and writes the results into `directory`."""
     from fnnq_torchrl.job import run_job  # after the checks: torch takes seconds to import
 
-    run_job(config, directory)
+    return run_job(config, directory)
 
+
+def train_batches(
+    batches: Sequence[Sequence[Job]], *, pictures: bool
+) -> Iterator[Sequence[Result]]:
+    """Trains what a multirun has gathered."""
+    from fnnq_torchrl.job import run_batches
+
+    return run_batches(batches, pictures=pictures)
+
+
+main = command(train, train_batches)
 
 if __name__ == "__main__":
     main()

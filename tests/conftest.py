@@ -25,14 +25,15 @@ settings.load_profile("here")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Compiled programs are kept for this session alone: what one finds, this session has made."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TORCHINDUCTOR_CACHE_DIR", str(tmp_path_factory.mktemp("inductor")))
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        patch.delenv("TORCHINDUCTOR_CACHE_DIR", raising=False)
         yield
 
 
 @pytest.fixture(scope="session")
 def compiler() -> None:
     """Only where there is a C++ compiler."""
-    from fnnq_torchrl.engine import compiler_found
+    from fnnq_torchrl.native import compiler_found
 
     if not compiler_found():
         pytest.skip("needs a C++ compiler")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.results import Evaluations, Outcome, summarise, write_evaluations, write_summary
+from fnnq_torchrl.results import Evaluations, write_evaluations
 
 Settings = dict[str, Any]
 Level = Callable[[Settings], float]
@@ -62,10 +62,7 @@ def write_experiment(
         (directory / ".hydra" / "config.yaml").write_text(json.dumps(settings))
         evaluations = invented(settings, level(settings))
         write_evaluations(directory / "evaluations.csv", evaluations)
-        outcome = Outcome(
-            **vars(evaluations), train_seconds=1.0, compile_seconds=0.0, evaluate_seconds=1.0
-        )
-        write_summary(directory / "summary.json", summarise(outcome))
+        (directory / "summary.json").write_text("{}")  # says that the job has finished
 
 
 def grid(values: Mapping[str, str], *common: str) -> list[tuple[str, ...]]:

@@ -20,11 +20,12 @@ SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
 
 def make_runs(config: Config, count: int, **columns: float | Tensor) -> TensorDict:
     """Runs of different seeds with the configuration's values, or the given ones, ``[count]``."""
-    values = {key: getattr(config, key) for key in PER_RUN} | {"seed": torch.arange(count)}
+    whole = {"seed": torch.arange(count), "situations": config.situations}
+    values = {key: getattr(config, key) for key in PER_RUN} | whole
     dtype = getattr(torch, config.machine.dtype)
     tensors = {}
     for key, value in (values | columns).items():
-        column = torch.as_tensor(value, dtype=torch.int64 if key == "seed" else dtype)
+        column = torch.as_tensor(value, dtype=torch.int64 if key in whole else dtype)
         tensors[key] = column.expand(count).unsqueeze(-1).clone()
     return TensorDict(tensors, batch_size=[count])
 

@@ -43,10 +43,26 @@ MISTAKES = {
     "+env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
     "hydra.nope=1": "Could not override 'hydra.nope'. To append to your config use +hydra.nope=1",
 }
-SWEEPS = {
-    "lam=0.2,0.3": f"lam=0.2,0.3: several values need -m, a job for each; lam {UNIT}",
-    "seed=range(22)": "seed=range(22): several values need -m, a job for each; "
-    "seed must be a whole number >= 0",
+QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")  # pytest's own stays as it is
+TYPED = f"train {' '.join(QUIET)}"
+# What a shell that took a parenthesis for its own, or a user who took a flag for a word, leaves.
+UNFRIENDLY = {
+    ("lam=0.2,0.3",): "lam=0.2,0.3: several values need -m, a job for each; "
+    f"type {TYPED} lam=0.2,0.3 -m",
+    ("seed=range(22)",): "seed=range(22): several values need -m, a job for each; "
+    f"type {TYPED} 'seed=range(22)' -m",
+    ("seed=range(0,", "22)", "-m"): "seed=range(0,: parentheses need quotes; "
+    "type 'seed=range(0, 22)'",
+    ("seed=range(22", "-m"): "seed=range(22: its parenthesis isn't closed; "
+    "type it in quotes, as in 'seed=range(22)'",
+    ("lam=0.2,0.3", "-m", "seed=1"): f"-m goes last; type {TYPED} lam=0.2,0.3 seed=1 -m",
+    ("lam=0.2,0.3", "--multirun", "seed=1"): "--multirun goes last; "
+    f"type {TYPED} lam=0.2,0.3 seed=1 --multirun",
+    ("hydra.launcher.clustr=local", "-m"): "Could not override 'hydra.launcher.clustr'. "
+    "To append to your config use +hydra.launcher.clustr=local; "
+    "did you mean hydra.launcher.cluster?",
+    ("hydra.launcher.cluster=slum", "-m"): "hydra.launcher.cluster=slum: "
+    "must be none, local or slurm",
 }
 
 
@@ -65,10 +81,11 @@ def run(tmp_path, monkeypatch, capsys) -> Callable[..., Outcome]:
         jobs: list[tuple[Config, Path]] = []
         stub = types.ModuleType("fnnq_torchrl.job")
         stub.run_job = job or (lambda config, directory: jobs.append((config, directory)))
+        stub.run_batches = lambda batches, pictures: (
+            [stub.run_job(each.config, each.directory) for each in batch] for batch in batches
+        )
         monkeypatch.setitem(sys.modules, stub.__name__, stub)
-        # pytest's own logging stays as it is
-        quiet = ("hydra/job_logging=none", "hydra/hydra_logging=none")
-        monkeypatch.setattr(sys, "argv", ["train", *quiet, *arguments])
+        monkeypatch.setattr(sys, "argv", ["train", *QUIET, *arguments])
         status = 0
         try:
             train.main()
@@ -88,7 +105,7 @@ def test_one_job(run, tmp_path):
     assert Path.cwd() == tmp_path
 
 
-def test_a_sweep_is_one_job_after_the_other(run, tmp_path):
+def test_a_sweep_has_a_directory_for_each_job(run, tmp_path):
     status, stderr, jobs = run("seed=range(3)", "-m")
     assert (status, stderr) == (0, "")
     assert [config.seed for config, _ in jobs] == [0, 1, 2]
@@ -112,15 +129,15 @@ def test_a_mistake_is_one_line_with_m(run, mistake):
     assert_refused(run(mistake, "-m"), mistake)
 
 
-@pytest.mark.parametrize("sweep", SWEEPS)
-def test_a_sweep_needs_its_flag(run, sweep):
-    assert run(sweep) == (2, SWEEPS[sweep] + "\n", [])
+@pytest.mark.parametrize("arguments", UNFRIENDLY, ids=" ".join)
+def test_what_to_type_is_one_line(run, arguments):
+    assert run(*arguments) == (2, UNFRIENDLY[arguments] + "\n", [])
 
 
-def test_a_mistake_within_a_sweep_ends_it(run):
-    status, stderr, jobs = run("lam=0.1,1.5,0.2", "-m")
-    assert (status, stderr) == (2, f"lam=1.5: {UNIT}\n")
-    assert [config.lam for config, _ in jobs] == [0.1]
+def test_a_bad_job_of_a_sweep_is_named_and_nothing_runs(run):
+    status, stderr, jobs = run("lam=0.1,1.5,0.2", "seed=1", "-m")
+    assert (status, stderr) == (2, f"job 1 (lam=1.5 seed=1): lam=1.5: {UNIT}\n")
+    assert not jobs
 
 
 @pytest.mark.parametrize("flags", [[], ["-m"]], ids=["run", "multirun"])
@@ -175,11 +192,27 @@ def test_no_two_starts_share_a_directory(run, tmp_path):
     assert run().jobs[0][1] != run().jobs[0][1]
 
 
-def test_the_check_comes_before_torch(tmp_path):
-    command = [sys.executable, "-X", "importtime", "-m", "fnnq_torchrl.train", "lam=1.5"]
+def test_the_console_script_completes_keys():
+    arguments = [Path(sys.executable).with_name("fnnq-train"), "-sc", "query=bash"]
+    line = "fnnq-train env.circle"
+    asked = {"COMP_LINE": line, "COMP_POINT": str(len(line))}
+    ended = subprocess.run(arguments, env=os.environ | asked, capture_output=True, text=True)
+    assert ended.stdout.strip() == "env.circle_radius_m="
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["lam=1.5"], f"lam=1.5: {UNIT}"),
+        (["lam=0.1,1.5", "-m"], f"job 1 (lam=1.5): lam=1.5: {UNIT}"),
+    ],
+    ids=["run", "multirun"],
+)
+def test_the_check_comes_before_torch(tmp_path, arguments, told):
+    command = [sys.executable, "-X", "importtime", "-m", "fnnq_torchrl.train", *arguments]
     ended = subprocess.run(
         command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
     )
     *imports, line = ended.stderr.decode().splitlines()
-    assert (ended.returncode, ended.stdout, line) == (2, b"", f"lam=1.5: {UNIT}")
-    assert not [entry for entry in imports if entry.split("|")[-1].strip() == "torch"]
+    assert (ended.returncode, ended.stdout, line) == (2, b"", told)
+    assert not {"torch", "scipy"} & {entry.split("|")[-1].strip() for entry in imports}

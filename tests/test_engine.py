@@ -12,8 +12,10 @@ from tensordict import TensorDict, TensorDictBase
 
 from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import ConfigError
-from fnnq_torchrl.engine import choose, compiler_found, make_engine
-from fnnq_torchrl.loops import eager_loop
+from fnnq_torchrl.engine import choose, make_engine
+from fnnq_torchrl.lanes import LANES
+from fnnq_torchrl.loops import EagerLoop
+from fnnq_torchrl.native import cache_directory, compiler_found
 from fnnq_torchrl.trainer import Trainer
 
 CPU = torch.device("cpu")
@@ -96,8 +98,9 @@ def counting(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
 def test_the_eager_loop_is_so_many_steps(steps: int) -> None:
     stays = TensorDict({"by": torch.tensor([[1], [2], [3]])}, [3])
     state = TensorDict({"n": torch.zeros(3, 1, dtype=torch.int64)}, [3])
-    after = eager_loop(counting, stays, state)(stays, state, steps)
-    assert after["n"].flatten().tolist() == [steps, 2 * steps, 3 * steps]
+    running = EagerLoop(lambda lanes: counting, stays, state)(stays, state)
+    running.advance(steps)
+    assert running.state["n"].flatten().tolist() == [steps, 2 * steps, 3 * steps]
     assert (state["n"] == 0).all()
 
 
@@ -122,23 +125,15 @@ def test_the_threads_are_torchs_or_the_workers(install: Callable[[str], Path]) -
         assert torch.get_num_threads() == 4
 
 
-@pytest.mark.parametrize("xdg", [True, False])
-def test_what_is_compiled_is_kept_where_the_user_keeps_caches(
-    install: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, xdg: bool
-) -> None:
-    install("g++")
-    monkeypatch.delenv("TORCHINDUCTOR_CACHE_DIR")
-    monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg") if xdg else "")
-    make_engine("compiled", CPU)
-    caches = tmp_path / ("xdg" if xdg else ".cache")
-    assert os.environ["TORCHINDUCTOR_CACHE_DIR"].startswith(f"{caches}/fnnq_torchrl")
-
-
-def test_who_names_a_cache_gets_it(
+def test_inductor_keeps_its_programs_there_too_unless_the_user_says_where(
     install: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    monkeypatch.setattr("fnnq_torchrl.inductor.InductorLoop", lambda *args: args)
+    monkeypatch.delenv("TORCHINDUCTOR_CACHE_DIR", raising=False)  # torch sets it, when it has one
     install("g++")
+    make_loop = make_engine("compiled", torch.device("cuda")).make_loop
+    make_loop(counting, *[TensorDict({}, [LANES])] * 2)
+    assert os.environ["TORCHINDUCTOR_CACHE_DIR"] == str(cache_directory() / "inductor")
     monkeypatch.setenv("TORCHINDUCTOR_CACHE_DIR", str(tmp_path / "mine"))
-    make_engine("compiled", CPU)
+    make_loop(counting, *[TensorDict({}, [LANES])] * 2)
     assert os.environ["TORCHINDUCTOR_CACHE_DIR"] == str(tmp_path / "mine")

@@ -6,11 +6,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from matplotlib.axis import Axis
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 from numpy.typing import NDArray
 
-from fnnq_torchrl.figures import learning_curve, learning_curve_figure, spread
+from fnnq_torchrl.figures import (
+    Curve,
+    curves_figure,
+    learning_curve,
+    learning_curve_figure,
+    spread,
+)
 from fnnq_torchrl.results import Evaluations, write_evaluations
 from fnnq_torchrl.stats import mean_interval
 
@@ -184,3 +191,38 @@ def test_spread_heights_keep_their_distance_their_order_and_the_bounds(
 
 def test_labels_that_coincide_move_apart_evenly() -> None:
     np.testing.assert_allclose(spread(np.array([2.0, 2.0, 4.0]), 0.5, 0, 5), [1.75, 2.25, 4.0])
+
+
+def curve(label: str, score: int, count: int = 5) -> Curve:
+    return Curve(label, 5 * np.arange(count), np.full((2, count), score))
+
+
+def test_of_more_curves_than_can_be_told_apart_the_best_are_labelled() -> None:
+    scores = np.random.default_rng(0).permutation(25)
+    figure = curves_figure([curve(f"score {score}", score) for score in scores], "configurations")
+    (axes,) = figure.axes
+    labels = [f"score {score}" for score in scores if score >= 5]  # in the order they came in
+    assert [text.get_text() for text in axes.texts] == labels
+    grey = [c for c in axes.collections if isinstance(c, LineCollection)]
+    assert sorted(c.get_segments()[0][-1, 1] for c in grey) == [0, 1, 2, 3, 4]
+    shown = [text.get_text() for text in texts(figure)]
+    assert "Learning curves for 25 configurations, 2 runs each" in shown
+    assert any(text.endswith("grey: the other 5, which scored less") for text in shown)
+
+
+def test_curves_may_end_at_different_situations() -> None:
+    figure = curves_figure(
+        [curve("short", 1, count=3), curve("long", 2, count=5)], "configurations"
+    )
+    (axes,) = figure.axes
+    assert axes.get_xlim() == (0, 20)
+    assert [label.xy for label in axes.texts] == [(0.5, 1.0), (1.0, 2.0)]
+
+
+def test_long_labels_are_not_clipped_and_leave_the_curves_their_room() -> None:
+    label = "α = 0.8768, α decay = 0.986, λ = 0.3388, ε = 0.3968"
+    figure = curves_figure([curve(label, 1), curve("other", 2)], "configurations")
+    boxes = [Text.get_window_extent(text) for text in texts(figure)]
+    assert max(box.x1 for box in boxes) <= figure.bbox.width
+    (axes,) = figure.axes
+    assert axes.get_window_extent().width >= 5 * figure.dpi

@@ -19,41 +19,49 @@ FLOORS = {
     "envs": 0,
     "fnnq_torchrl": 0,
     "fnnq_torchrl.atomic": 0,
+    "fnnq_torchrl.batches": 1,
     "fnnq_torchrl.config": 0,
     "fnnq_torchrl.lanes": 0,
     "fnnq_torchrl.layout": 0,
+    "fnnq_torchrl.loops": 0,
     "fnnq_torchrl.membership": 0,
     "fnnq_torchrl.stats": 0,
     "fnnq_torchrl.threads": 0,
     "fnnq_torchrl.autograd": 1,
     "fnnq_torchrl.step_size": 1,
     "fnnq_torchrl.exploration": 1,
+    "fnnq_torchrl.graphs": 1,
     "fnnq_torchrl.qlambda": 1,
     "fnnq_torchrl.values": 1,
     "fnnq_torchrl.loss": 2,
     "fnnq_torchrl.policy": 2,
     "fnnq_torchrl.results": 2,
     "fnnq_torchrl.checkpoint": 3,
-    "fnnq_torchrl.compiled": 3,
-    "fnnq_torchrl.loops": 0,
+    "fnnq_torchrl.cluster": 3,
     "fnnq_torchrl.engine": 3,
     "fnnq_torchrl.evaluation": 3,
     "fnnq_torchrl.experiments": 3,
     "fnnq_torchrl.figures": 3,
     "fnnq_torchrl.measures": 3,
+    "fnnq_torchrl.inductor": 3,
     "fnnq_torchrl.job": 3,
     "fnnq_torchrl.learning": 3,
+    "fnnq_torchrl.native": 3,
     "fnnq_torchrl.program": 3,
     "fnnq_torchrl.report": 3,
     "fnnq_torchrl.reproduction": 3,
     "fnnq_torchrl.snapshots": 3,
+    "fnnq_torchrl.sweep": 3,
     "fnnq_torchrl.trainer": 3,
     "fnnq_torchrl.work": 3,
     "fnnq_torchrl.cli": 4,
     "fnnq_torchrl.compose": 4,
     "fnnq_torchrl.figures.__main__": 4,
     "fnnq_torchrl.reproduction.__main__": 4,
+    "fnnq_torchrl.launcher": 4,
+    "fnnq_torchrl.multirun": 4,
     "fnnq_torchrl.train": 4,
+    "hydra_plugins.fnnq_torchrl": 4,
 }
 # Who may import what is slow to load, or belongs at the edge.
 ONLY_IN = {
@@ -62,8 +70,13 @@ ONLY_IN = {
         f"fnnq_torchrl.figures{module}"
         for module in ("", ".curves", ".dots", ".gallery", ".lines", ".readings", ".style")
     },
+    "submitit": {"fnnq_torchrl.cluster"},
     "wandb": set(),
 }
+
+
+# Of an extra, and imported only where a user asks for it.
+OPTIONAL = {"submitit"}
 
 
 def module_name(path: Path) -> str:
@@ -71,9 +84,10 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+PACKAGES = ("envs", "fnnq_torchrl", "hydra_plugins")
 FILES = {
     module_name(path): path
-    for package in ("envs", "fnnq_torchrl")
+    for package in PACKAGES
     for path in sorted((ROOT / package).rglob("*.py"))
 }
 
@@ -147,7 +161,7 @@ def test_the_declared_dependencies_are_what_is_imported() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     declared = {re.split("[<>=]", requirement)[0] for requirement in project["dependencies"]}
     libraries = {name.split(".")[0] for module in FILES for name in imports(module)}
-    libraries -= sys.stdlib_module_names | {"envs", "fnnq_torchrl", "hydra_plugins"}
+    libraries -= sys.stdlib_module_names | set(PACKAGES) | OPTIONAL
     distributions = packages_distributions()
     assert {distributions[library][0] for library in libraries} == declared
 

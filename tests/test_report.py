@@ -12,6 +12,7 @@ SUMMARY = Summary(
     runs=22,
     lam=[0.2],
     learning_steps=1_234_567,
+    batch_runs=22,
     train_seconds=10.0,
     compile_seconds=0.0,
     evaluate_seconds=1.0,

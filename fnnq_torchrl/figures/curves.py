@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -14,11 +16,21 @@ from fnnq_torchrl.experiments import Experiment
 from fnnq_torchrl.results import CONFIDENCE, Evaluations, read_evaluations
 from fnnq_torchrl.stats import MeanInterval, mean_interval
 
-from .style import LABEL_PITCH_PT, LINES, count_words, label_ends, new_figure, quiet_grid, save
+from .style import (
+    LABEL_PITCH_PT,
+    LABEL_PT,
+    LINES,
+    count_words,
+    label_ends,
+    new_figure,
+    quiet_grid,
+    save,
+)
 from .words import key_words, setting_words
 
 _WIDTH_IN, _HEIGHT_IN = 7.0, 4.2
-_Catches = NDArray[np.int64]
+_SHORT_LABEL = 10  # letters that a picture of the usual width has room for
+_MOST_LABELS = 20  # more lines and bands can't be told apart
 
 
 def learning_curve(evaluations_csv: Path, picture: Path, best: int | None = None) -> None:
@@ -39,67 +51,110 @@ def learning_curve(evaluations_csv: Path, picture: Path, best: int | None = None
 
 def learning_curve_figure(evaluations: Evaluations, best: int | None = None) -> Figure:
     """Draw what :func:`learning_curve` writes, with its ``best``."""
-    lams = np.unique(evaluations.lam)
-    catches = [evaluations.catches[evaluations.lam == lam] for lam in lams]
-    labels = [setting_words("lam", float(lam)) for lam in lams]
-    return _curves_figure(evaluations.situations, catches, labels, "λ", best)
+    curves = [
+        Curve(
+            setting_words("lam", float(lam)),
+            evaluations.situations,
+            evaluations.catches[evaluations.lam == lam],
+        )
+        for lam in np.unique(evaluations.lam)
+    ]
+    return curves_figure(curves, "values of λ", best)
 
 
 def experiment_curves_figure(experiment: Experiment, key: str) -> Figure:
     """Draw a curve and a band for each job of an experiment that varies one key."""
-    catches = [job.evaluations.catches for job in experiment.jobs]
-    labels = [setting_words(key, job.settings[key]) for job in experiment.jobs]
-    first = experiment.jobs[0]
-    return _curves_figure(first.evaluations.situations, catches, labels, key_words(key), first.best)
+    curves = [
+        Curve(
+            setting_words(key, job.settings[key]),
+            job.evaluations.situations,
+            job.evaluations.catches,
+        )
+        for job in experiment.jobs
+    ]
+    return curves_figure(curves, f"values of {key_words(key)}", experiment.jobs[0].best)
 
 
-def _curves_figure(
-    situations: NDArray[np.int64],
-    catches: Sequence[_Catches],
-    labels: Sequence[str],
-    varied: str,
-    best: int | None,
-) -> Figure:
-    curves = [mean_interval(scores, confidence=CONFIDENCE) for scores in catches]
-    title, caption = _titles([len(scores) for scores in catches], labels, varied, curves)
-    # Tall enough for all labels, one above the other.
-    height_in = max(_HEIGHT_IN, 1.6 + len(curves) * LABEL_PITCH_PT / 72)
-    figure = new_figure(_WIDTH_IN, height_in, title, caption)
+class Curve(NamedTuple):
+    """The runs of one configuration."""
 
+    label: str
+    situations: NDArray[np.int64]  # [evaluations], learning situations before each
+    catches: NDArray[np.int64]  # [runs, evaluations]
+
+    @property
+    def mean_score(self) -> NDArray[np.float64]:
+        """Of each run after learning began, ``[runs]``."""
+        return self.catches[:, 1:].mean(axis=1)
+
+
+def sweep_curves(curves: Sequence[Curve], of: str, picture: Path, best: int) -> None:
+    """Draw the mean score of a sweep's configurations, a curve and a band for each.
+
+    Args:
+        curves: in their order; at least one.
+        of: what there is one curve for each of, in the plural.
+        picture: the file to write, atomically; its suffix is its format.
+        best: the highest possible score.
+
+    Raises:
+        OSError: the file cannot be written.
+        ValueError: the format is unknown.
+    """
+    save(curves_figure(curves, of, best), picture)
+
+
+def curves_figure(curves: Sequence[Curve], of: str, best: int | None = None) -> Figure:
+    """Draw curves and bands, each with its label at its end.
+
+    Of more than can be told apart, the best have colours and labels, and the others are grey.
+
+    Args:
+        curves: in their order; at least one.
+        of: what there is one curve for each of, in the plural.
+        best: the highest possible score; the highest among the curves if not given.
+    """
+    by_score = sorted(range(len(curves)), key=lambda i: -curves[i].mean_score.mean())
+    labelled = [curves[i] for i in sorted(by_score[:_MOST_LABELS])]
+    others = [curves[i] for i in by_score[_MOST_LABELS:]]
+    intervals = [mean_interval(curve.catches, confidence=CONFIDENCE) for curve in labelled]
+    # Tall enough for all labels, one above the other; wide enough for the longest.
+    height_in = max(_HEIGHT_IN, 1.6 + len(labelled) * LABEL_PITCH_PT / 72)
+    longest = max(len(curve.label) for curve in labelled)
+    width_in = _WIDTH_IN + max(0, longest - _SHORT_LABEL) * 0.6 * LABEL_PT / 72
+    title, caption = _titles(curves, of, intervals)
+    if others:
+        caption += f"\ngrey: the other {len(others):,}, which scored less"
+    figure = new_figure(width_in, height_in, title, caption)
     axes = figure.add_subplot()
-    _set_score_axis(axes, best, highest_seen=max(int(scores.max()) for scores in catches))
-    _set_situations_axes(axes, situations)
-    for (mean, low, high), (colour, style) in zip(curves, cycle(LINES), strict=False):
-        axes.plot(situations, mean, color=colour, linestyle=style, linewidth=1.4)
-        axes.fill_between(situations, low, high, color=colour, alpha=0.3, linewidth=0)
-    figure.draw_without_rendering()
-    label_ends(axes, labels)
+    _set_score_axis(axes, best, highest_seen=max(int(curve.catches.max()) for curve in curves))
+    _set_situations_axes(axes, max((curve.situations for curve in curves), key=lambda s: s[-1]))
+    for curve, (mean, low, high), (colour, style) in zip(
+        labelled, intervals, cycle(LINES), strict=False
+    ):
+        axes.plot(curve.situations, mean, color=colour, linestyle=style, linewidth=1.4)
+        axes.fill_between(curve.situations, low, high, color=colour, alpha=0.3, linewidth=0)
+    for curve in others:
+        # Not one of the axes' lines, each of which has a label.
+        points = np.stack([curve.situations, curve.catches.mean(axis=0)], axis=1)
+        axes.add_collection(LineCollection([points], color="0.85", linewidth=0.8, zorder=1.5))
+    figure.draw_without_rendering()  # lays out, which gives the axes their height
+    label_ends(axes, [curve.label for curve in labelled])
     return figure
 
 
-def _titles(
-    runs: Sequence[int], labels: Sequence[str], varied: str, curves: Sequence[MeanInterval]
-) -> tuple[str, str]:
-    """Say what the picture shows, and what its lines and bands are.
-
-    Args:
-        runs: the number of runs in each curve.
-        labels: what each curve is.
-        varied: what differs between them.
-        curves: their means and bands.
-
-    Returns:
-        The title and the caption.
-    """
+def _titles(curves: Sequence[Curve], of: str, intervals: Sequence[MeanInterval]) -> tuple[str, str]:
+    """Say what the picture shows, and what its lines and bands are."""
+    runs = [len(curve.catches) for curve in curves]
     over = count_words(runs)
-    if len(labels) == 1:
-        title = f"Learning curve for {labels[0]}, {over}"
+    if len(curves) == 1:
+        title = f"Learning curve for {curves[0].label}, {over}"
     else:
-        title = f"Learning curves for {len(labels)} values of {varied}, {over} each"
+        title = f"Learning curves for {len(curves):,} {of}, {over} each"
     if max(runs) == 1:
         return title, "line: a single run, which has no confidence interval"
     # In figures too, since over many runs the band is too narrow to be seen.
-    widest = np.nanmax([curve.high - curve.low for curve in curves]) / 2
+    widest = np.nanmax([np.nanmax(interval.high - interval.low) for interval in intervals]) / 2
     return title, (
         f"line: mean over {over}; band: its {100 * CONFIDENCE:g} % confidence interval "
         f"(Student's t), at most ±{widest:.2g}"

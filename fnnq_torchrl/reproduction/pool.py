@@ -3,13 +3,13 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from fnnq_torchrl.experiments import Experiment, Job, NoResults
+from fnnq_torchrl.experiments import HOW_IT_RUNS, Experiment, Job, NoResults
 from fnnq_torchrl.figures.words import setting_words
 
 from .claims import Settings
 
 # They change how many runs there are and how they are computed, not what a run is.
-_NO_DIFFERENCE = ("num_seeds", "seed", "engine", "machine.device")
+_NO_DIFFERENCE = ("num_seeds", "seed", *HOW_IT_RUNS)
 
 
 class Pool:

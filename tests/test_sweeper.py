@@ -11,7 +11,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from fnnq_torchrl import train
 from fnnq_torchrl.compose import VERSION_BASE, config_directory
 from fnnq_torchrl.config import Config
-from hydra_plugins.fnnq_torchrl_cases import CaseSweeper
+from hydra_plugins.fnnq_torchrl import BatchSweeper
 
 EXPERIMENTS = {
     "fig2": 4,
@@ -28,7 +28,7 @@ EXPERIMENTS = {
 
 
 def jobs(cases: list[dict[str, str]], *overrides: str, **settings: int) -> list[list[list[str]]]:
-    sweeper = CaseSweeper(cases)
+    sweeper = BatchSweeper(cases)
     parsed = OverridesParser.create().parse_overrides(list(overrides))
     return sweeper.split_arguments(parsed, settings.get("max_batch_size"))
 
@@ -66,7 +66,7 @@ def test_an_experiment_has_so_many_jobs(name: str) -> None:
     assert node.hydra.mode.name == "MULTIRUN"
     sweeper = node.hydra.sweeper
     params = [f"{key}={values}" for key, values in (sweeper.params or {}).items()]
-    [batch] = jobs(sweeper.get("cases", [{}]), *params)
+    [batch] = jobs(sweeper.cases, *params)
     assert len(batch) == EXPERIMENTS[name]
 
 
@@ -77,9 +77,11 @@ def test_an_experiment_is_so_many_jobs_below_its_name(
     taken: list[tuple[Config, Path]] = []
     stub = types.ModuleType("fnnq_torchrl.job")
     stub.run_job = lambda config, directory: taken.append((config, directory))
+    stub.run_batches = None  # for the launcher "batch", which is not asked
     monkeypatch.setitem(sys.modules, stub.__name__, stub)
     quiet = ("hydra/job_logging=none", "hydra/hydra_logging=none")
-    monkeypatch.setattr(sys, "argv", ["train", *quiet, f"+experiment={name}"])
+    arguments = (*quiet, "hydra/launcher=basic", f"+experiment={name}")
+    monkeypatch.setattr(sys, "argv", ["train", *arguments])
     monkeypatch.chdir(tmp_path)
     train.main()
     assert len(taken) == EXPERIMENTS[name]

@@ -1,4 +1,7 @@
-"""A Hydra sweeper for experiments that are no single grid, where Hydra looks for plugins."""
+"""The launcher and the sweeper of fnnq_torchrl, where Hydra looks for plugins.
+
+Every Hydra application on a machine imports this file if it is installed there, so it is light.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,10 +9,39 @@ from typing import Any
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
+from hydra.core.utils import JobReturn
+from hydra.plugins.launcher import Launcher
+from hydra.types import HydraContext, TaskFunction
+from omegaconf import DictConfig
 
 
-class CaseSweeper(BasicSweeper):
-    """Hydra's own sweeper over several grids, one after the other.
+class BatchLauncher(Launcher):
+    """Runs the jobs of a multirun in batches: `fnnq_torchrl.launcher.Multirun`.
+
+    Args:
+        **settings: those of ``conf/hydra/launcher/batch.yaml``.
+    """
+
+    def __init__(self, **settings: Any) -> None:
+        self._settings = settings
+
+    def setup(
+        self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig
+    ) -> None:
+        from fnnq_torchrl.launcher import Multirun
+
+        self._multirun = Multirun(self._settings, hydra_context, task_function, config)
+
+    def launch(
+        self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int
+    ) -> Sequence[JobReturn]:
+        return self._multirun.launch(job_overrides, initial_job_idx)
+
+
+class BatchSweeper(BasicSweeper):
+    """Hydra's own sweeper, over several grids, one after the other.
+
+    It leaves it to the launcher to compose the jobs, which is faster.
 
     Args:
         cases: each a grid, keys with their values as on the command line; ``{}`` is a single job.
@@ -25,7 +57,7 @@ class CaseSweeper(BasicSweeper):
         max_batch_size: int | None = None,
     ) -> None:
         super().__init__(max_batch_size, dict(params or {}))
-        self.cases = cases
+        self._cases = cases
 
     def split_arguments(  # type: ignore[override]  # the base has it static, and calls it on self
         self, overrides: list[Override], max_batch_size: int | None
@@ -33,9 +65,13 @@ class CaseSweeper(BasicSweeper):
         """The batches of jobs, each a list of overrides; no job comes twice."""
         parser = OverridesParser.create()
         jobs: dict[tuple[str, ...], None] = {}
-        for case in self.cases:
+        for case in self._cases:
             grid = parser.parse_overrides([f"{key}={values}" for key, values in case.items()])
             (batch,) = BasicSweeper.split_arguments([*grid, *overrides], None)
             jobs |= dict.fromkeys(map(tuple, batch))
         chunks = self.split_overrides_to_chunks([list(job) for job in jobs], max_batch_size)
         return list(chunks)
+
+    def validate_batch_is_legal(self, batch: Sequence[Sequence[str]]) -> None:
+        if not isinstance(self.launcher, BatchLauncher):
+            super().validate_batch_is_legal(batch)

@@ -1,0 +1,91 @@
+"""A loop of steps compiled by TorchInductor: for GPUs, and for steps too large to write out."""
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+from torch._higher_order_ops.while_loop import while_loop
+from torch._inductor import config
+from torch._inductor.exc import CppCompileError, InductorError, InvalidCxxCompiler
+
+from fnnq_torchrl.config import ConfigError
+from fnnq_torchrl.graphs import leaves, nested, trace
+from fnnq_torchrl.loops import MakeStep, Running
+
+_OPTIONS: dict[str, str | int | bool | Callable[..., Any]] = {
+    "cpp_wrapper": True,  # the loop itself in C++, which also lets other threads go on
+    "cpp.threads": 1,  # within a slice of the runs: the threads take a slice each
+    "unroll_reductions_threshold": 64,  # sums over rules and candidates, into loops over the runs
+    # What is read again for every rule or candidate is computed once and kept in memory.
+    "deterministic": True,
+    "realize_reads_threshold": 1,
+}
+"""Of Inductor. A product and its sum stay two roundings: which pairs a compiler would join depends
+on the loop that they are in, and so on the number of lanes, of which a run must know nothing.
+"""
+
+# Torch's cache of compiled graphs doesn't know yet that a loop is the same if its graphs are.
+_CACHEABLE = dict.fromkeys(("while_loop", "torch.ops.higher_order.while_loop"), torch.__version__)
+
+Run = Callable[[Tensor, list[Tensor], list[Tensor]], list[Tensor]]
+
+
+class InductorLoop:
+    """``steps`` times ``state = step(stays, state)``, in one loop around the step's graph.
+
+    Args:
+        make_step: pure-tensor code; its Python runs once, when it is traced.
+        stays: what the steps read and don't change, batch size ``[lanes]``.
+        state: batch size ``[lanes]``. The loop is for such shapes only.
+
+    Raises:
+        ConfigError: the C++ compiler fails.
+    """
+
+    any_lanes = False
+
+    def __init__(self, make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> None:
+        body = trace(make_step(len(state)), stays, state)
+
+        def loop(steps: Tensor, fixed: list[Tensor], carried: list[Tensor]) -> list[Tensor]:
+            def unfinished(done: Tensor, *carried: Tensor) -> Tensor:
+                return done < steps
+
+            def one_step(done: Tensor, *carried: Tensor) -> tuple[Tensor, ...]:
+                return done + 1, *body(*fixed, *carried)
+
+            none = torch.zeros((), dtype=torch.int64)  # on the CPU: no device need be waited for
+            _, *after = while_loop(unfinished, one_step, (none, *carried))  # type: ignore[no-untyped-call]
+            return after
+
+        # torch.compile keeps its results with the code, eight at most: each loop has its own.
+        loop.__code__ = loop.__code__.replace()
+        self._run: Run = torch.compile(loop, fullgraph=True, dynamic=False, options=_OPTIONS)
+        with config.patch(unsafe_marked_cacheable_functions=_CACHEABLE):
+            try:
+                self(stays, state).advance(0)  # compiles
+            except InductorError as error:
+                if not isinstance(error.inner_exception, CppCompileError | InvalidCxxCompiler):
+                    raise
+                complaint = str(error.inner_exception).splitlines()[-1]
+                raise ConfigError(
+                    f"engine=compiled: the C++ compiler doesn't work; engine=eager takes none. "
+                    f"It says: {complaint}"
+                ) from error
+
+    def __call__(self, stays: TensorDictBase, state: TensorDictBase) -> Running:
+        return _Running(self._run, stays, state)
+
+
+class _Running:
+    def __init__(self, run: Run, stays: TensorDictBase, state: TensorDictBase) -> None:
+        self._run = run
+        self.stays, self.state = nested(leaves(stays), stays), nested(leaves(state), state)
+
+    @torch.no_grad()
+    def advance(self, steps: int) -> None:
+        fixed, carried = leaves(self.stays), leaves(self.state)
+        after = self._run(torch.tensor(steps), [*fixed.values()], [*carried.values()])
+        self.state = nested(dict(zip(carried, after, strict=True)), self.state)

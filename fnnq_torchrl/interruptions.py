@@ -1,0 +1,102 @@
+"""Being interrupted: by the clock, to save what is done, and by signals, to end after that."""
+
+import signal
+import threading
+import time
+from collections.abc import Callable
+from types import FrameType
+from typing import Any, Self
+
+_SAVE = ("SIGUSR1", "SIGUSR2")  # save and go on; Slurm's warning
+_END = ("SIGTERM", "SIGINT")  # save and end
+
+
+class Interrupted(Exception):
+    """A signal has ended the work, which is saved.
+
+    Args:
+        number: the signal's.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.status = 128 + number
+        """For the process to exit with."""
+
+    def __str__(self) -> str:
+        name = signal.Signals(self.args[0]).name
+        return f"{name}: what is done so far is saved; in the same directory, it goes on from there"
+
+
+class Interruptions:
+    """Says when to save, within a ``with`` block.
+
+    In it, SIGUSR1 and SIGUSR2 make a save due; SIGTERM and SIGINT too, and end the work after it. A
+    second SIGTERM or SIGINT ends it at once. Signals that somebody else answers already, such as
+    submitit, are left to them, and so are all outside the main thread.
+
+    Args:
+        every_s: seconds from one save to the next.
+        clock: tells the seconds, from any start.
+    """
+
+    current: "Interruptions | None" = None
+    """Of the block that is being executed."""
+
+    def __init__(self, every_s: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._every_s, self._clock = every_s, clock
+        self._last_s = clock()
+        self._asked, self._ends_by = False, 0
+        self._saved = threading.Event()
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Self:
+        Interruptions.current = self
+        if threading.current_thread() is threading.main_thread():
+            for name in (*_SAVE, *_END):
+                number = getattr(signal, name, None)
+                nobody = (signal.SIG_DFL, signal.default_int_handler)
+                if number is not None and signal.getsignal(number) in nobody:
+                    self._before[number] = signal.signal(number, self._answer)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        Interruptions.current = None
+        self._restore()
+
+    @property
+    def ending(self) -> bool:
+        """Whether the work is to end."""
+        return bool(self._ends_by)
+
+    def due(self) -> bool:
+        """Whether it is time to save."""
+        return self._asked or self._clock() - self._last_s >= self._every_s
+
+    def saved(self) -> None:
+        """Everything is saved.
+
+        Raises:
+            Interrupted: it was to be saved because the work is to end.
+        """
+        self._last_s, self._asked = self._clock(), False
+        self._saved.set()
+        if self._ends_by:
+            raise Interrupted(self._ends_by)
+
+    def save_now(self, timeout_s: float) -> bool:
+        """Ask for a save, from the main thread, and wait for it; false if it takes too long."""
+        self._saved.clear()
+        self._asked = True
+        return self._saved.wait(timeout_s)
+
+    def _answer(self, number: int, frame: FrameType | None) -> None:
+        self._asked = True
+        if signal.Signals(number).name in _END:
+            self._ends_by = number
+            self._restore()
+
+    def _restore(self) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before.clear()

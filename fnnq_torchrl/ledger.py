@@ -1,0 +1,139 @@
+"""What is done so far of a batch's work, which can be saved and gone on from."""
+
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import torch
+from tensordict import TensorDict
+from torch import Tensor
+
+from fnnq_torchrl.config import PER_RUN
+from fnnq_torchrl.keeper import Hand
+from fnnq_torchrl.snapshots import SnapshotBook
+
+_SECONDS = ("train", "compile", "evaluate")
+
+
+class Ledger:
+    """Of every run: its snapshots, the situations learned from and played, and the time it took.
+
+    Attributes:
+        book: the snapshots.
+        learned: situations learned from, int64 ``[runs]``.
+        hands: runs that have begun to learn, and their states.
+        played: whether each snapshot has played each situation, bool
+            ``[evaluations, runs, situations]``.
+        catches: of each snapshot, int64 ``[evaluations, runs]``.
+        seconds: by ``train``, ``compile`` and ``evaluate``; what compiling takes is in it alone.
+
+    Args:
+        columns: by each key of `PER_RUN` the values of all runs, ``[runs]``.
+        weights: of a run before learning, by name, with any number of runs first.
+        every: situations from one evaluation to the next.
+        evaluations: how many there are, the one before learning included.
+        tests: situations in each.
+    """
+
+    def __init__(
+        self,
+        columns: Mapping[str, Sequence[float]],
+        weights: Mapping[str, Tensor],
+        every: int,
+        evaluations: int,
+        tests: int,
+    ) -> None:
+        runs = len(columns["seed"])
+        self._columns = columns
+        self.book = SnapshotBook(weights, runs, every, evaluations)
+        self.learned = torch.zeros(runs, dtype=torch.int64)
+        self.hands: Sequence[Hand] = ()
+        self.played = torch.zeros(evaluations, runs, tests, dtype=torch.bool)
+        self.catches = torch.zeros(evaluations, runs, dtype=torch.int64)
+        self.seconds: dict[str, float] = defaultdict(float, dict.fromkeys(_SECONDS, 0.0))
+        self._running: list[str] = []
+        self._since = 0.0
+
+    @contextmanager
+    def timed(self, what: str) -> Iterator[None]:
+        """Count the time of a block, less that of such blocks in it."""
+        self._split()
+        self._running.append(what)
+        try:
+            yield
+        finally:
+            self._split()
+            self._running.pop()
+
+    def _split(self) -> None:
+        now = time.perf_counter()
+        if self._running:
+            self.seconds[self._running[-1]] += now - self._since
+        self._since = now
+
+    def state_dict(self, hands: Sequence[Hand] = ()) -> dict[str, Any]:
+        """All of it, as plain tensors and numbers.
+
+        Args:
+            hands: runs that have begun to learn, and their states.
+        """
+        self._split()
+        pages = self.book.pages
+        return {
+            "runs": self._runs(),
+            "weights": pages["weights"].to_dict(),
+            "steps": pages["steps"],
+            "collected": self.book.collected,
+            "learned": self.learned,
+            "hands": [(jobs, state.to_dict()) for jobs, state in hands],
+            "played": self.played,
+            "catches": self.catches,
+            "seconds": dict(self.seconds),
+        }
+
+    def load_state_dict(self, saved: dict[str, Any]) -> bool:
+        """Go on from what was done of the same runs, or of these and others.
+
+        Args:
+            saved: what :meth:`state_dict` gave, with equal evaluations and weights.
+
+        Returns:
+            Whether all the runs are there; if not, nothing has changed.
+        """
+        if (rows := _find(self._runs(), saved["runs"])) is None:
+            return False
+        pages = self.book.pages
+        pages["weights"].update_(TensorDict(saved["weights"], saved["steps"].shape)[:, rows])
+        pages["steps"].copy_(saved["steps"][:, rows])
+        self.book.collected.copy_(saved["collected"][rows])
+        self.learned.copy_(saved["learned"][rows])
+        self.played.copy_(saved["played"][:, rows])
+        self.catches.copy_(saved["catches"][:, rows])
+        place = torch.full((len(saved["runs"]),), -1).index_copy(0, rows, torch.arange(len(rows)))
+        self.hands = [
+            (place[jobs][here], TensorDict(state, jobs.shape)[here].to(pages.device))
+            for jobs, state in saved["hands"]
+            for here in [place[jobs] >= 0]
+        ]
+        self.seconds.update(saved["seconds"])
+        return True
+
+    def _runs(self) -> Tensor:
+        """What tells the runs apart, int64 ``[runs, columns]``: the bits of their values."""
+        columns = [
+            torch.tensor(self._columns[key], dtype=torch.float64).view(torch.int64)
+            for key in PER_RUN
+            if key != "seed"
+        ]
+        return torch.stack([torch.tensor(self._columns["seed"]), *columns], -1)
+
+
+def _find(runs: Tensor, among: Tensor) -> Tensor | None:
+    """The row of each run, all different, int64 ``[runs]``; None if one isn't there."""
+    places: dict[tuple[int, ...], list[int]] = defaultdict(list)
+    for place, row in enumerate(among.tolist()):
+        places[tuple(row)].append(place)
+    found = [there.pop() if (there := places[tuple(row)]) else None for row in runs.tolist()]
+    return None if None in found else torch.tensor(found)

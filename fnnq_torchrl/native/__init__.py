@@ -1,0 +1,7 @@
+"""Compiles a step for CPUs: one run's scalars, written out in C++ on vectors of lanes."""
+
+from .build import cache_directory, compiler, compiler_found
+from .expressions import Unsupported
+from .loop import NativeLoop
+
+__all__ = ["NativeLoop", "Unsupported", "cache_directory", "compiler", "compiler_found"]

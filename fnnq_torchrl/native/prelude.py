@@ -1,0 +1,96 @@
+"""What every native program begins with: vectors of lanes in C++, by the compiler's own types."""
+
+PRELUDE = """\
+#include <cmath>
+#include <cstdint>
+
+namespace {
+constexpr int WIDTH = $width;  // lanes of a vector
+typedef float f32 __attribute__((vector_size(4 * WIDTH)));
+typedef double f64 __attribute__((vector_size(8 * WIDTH)));
+typedef int32_t i32 __attribute__((vector_size(4 * WIDTH)));
+typedef int64_t i64 __attribute__((vector_size(8 * WIDTH)));
+typedef $mask mask;  // in each lane 0 or -1
+
+template <class T> struct Like;
+template <> struct Like<f32> { typedef i32 whole; };
+template <> struct Like<i32> { typedef i32 whole; };
+template <> struct Like<f64> { typedef i64 whole; };
+template <> struct Like<i64> { typedef i64 whole; };
+
+template <class T, class Number> inline T all(Number number) {
+    T filled;
+    for (int l = 0; l < WIDTH; ++l) filled[l] = number;
+    return filled;
+}
+template <class T, class From> inline T cast(From from) {
+    return __builtin_convertvector(from, T);
+}
+template <class T> inline T where(mask which, T chosen, T other) {
+    return cast<typename Like<T>::whole>(which) ? chosen : other;
+}
+// Of 64-bit numbers compilers make a choice in each lane.
+template <> inline i64 where<i64>(mask which, i64 chosen, i64 other) {
+    const i64 wide = cast<i64>(which);
+    return (chosen & wide) | (other & ~wide);
+}
+// As in torch, what is no number stays none: all bits set are none.
+template <class T> inline T none(T result, T a) {
+    typedef typename Like<T>::whole whole;
+    return (T)((whole)result | (a != a));
+}
+template <class T> inline T maximum(T a, T b) { return none(a > b ? a : b, a); }
+template <class T> inline T minimum(T a, T b) { return none(a < b ? a : b, a); }
+inline bool everywhere(mask which) {
+    int lanes = 0;
+    for (int l = 0; l < WIDTH; ++l) lanes += which[l] != 0;
+    return lanes == WIDTH;
+}
+
+template <class T, class Number, class Index> inline T lookup(const Number* table, Index index) {
+    T found;
+    for (int l = 0; l < WIDTH; ++l) found[l] = table[index[l]];
+    return found;
+}
+template <class Number, class T> inline void load(T& to, const void* leaf, int64_t place) {
+    for (int l = 0; l < WIDTH; ++l) to[l] = static_cast<const Number*>(leaf)[place + l];
+}
+template <class Number, class T> inline void store(T from, void* leaf, int64_t place) {
+    for (int l = 0; l < WIDTH; ++l) static_cast<Number*>(leaf)[place + l] = from[l];
+}
+// A function of one or two numbers. Through arrays, of which compilers make vectors again.
+template <class Number, class T, class Function> inline T each(T x, T y, Function function) {
+    alignas(T) Number out[WIDTH], other[WIDTH];
+    __builtin_memcpy(out, &x, sizeof out);
+    __builtin_memcpy(other, &y, sizeof other);
+    _Pragma("omp simd") for (int l = 0; l < WIDTH; ++l) out[l] = function(out[l], other[l]);
+    __builtin_memcpy(&x, out, sizeof out);
+    return x;
+}
+}  // namespace
+"""
+
+VECTORISED = """\
+#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__)
+#if __GLIBC_PREREQ(2, 35)
+#pragma omp declare simd notinbranch
+extern "C" $number $function;
+#endif
+#endif
+"""
+"""That the C library has the function on vectors too, at most 4 units in the last place off."""
+
+RUN = """\
+// A leaf is [elements, lanes]; lanes are a multiple of WIDTH.
+extern "C" void run(int64_t lanes, int64_t steps, void* const* leaf) {
+$constants
+    for (int64_t lane = 0; lane < lanes; lane += WIDTH) {
+$loads
+$once
+        for (int64_t step = 0; step < steps; ++step) {
+$body
+        }
+$stores
+    }
+}
+"""

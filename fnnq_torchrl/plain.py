@@ -1,0 +1,51 @@
+"""Files of plain tensors and plain values, which can run no code."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from fnnq_torchrl.atomic import atomic_write
+
+
+def write_plain(path: Path, form: int, content: dict[str, Any]) -> None:
+    """Write a file, atomically.
+
+    Args:
+        path: the file.
+        form: the number of its format.
+        content: tensors, numbers, texts, and lists, tuples and dictionaries of them.
+
+    Raises:
+        OSError: it can't be written.
+    """
+    with atomic_write(path) as file:
+        torch.save({"format": form, **content}, file)
+
+
+def read_plain(path: Path, form: int, what: str) -> dict[str, Any]:
+    """Read such a file back, onto the CPU.
+
+    Args:
+        path: the file.
+        form: the number of the format that it must have.
+        what: it should be, for the message if it isn't, with its article.
+
+    Raises:
+        OSError: it can't be read.
+        ValueError: it is something else, not whole, or of another format. One line.
+    """
+    data = path.read_bytes()
+    try:
+        content = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+    # Bytes from anywhere make torch's reader raise nearly anything: EOFError, KeyError, ...
+    except Exception as error:
+        raise ValueError(f"{path} is not {what}, or a damaged one") from error
+    if not isinstance(content, dict) or "format" not in content:
+        raise ValueError(f"{path} is not {what} of fnnq_torchrl")
+    version = content.pop("format")
+    if type(version) is not int or version != form:
+        kind = what.split()[-1]
+        raise ValueError(f"{path} has {kind} format {version}, and this program reads {form}")
+    return content

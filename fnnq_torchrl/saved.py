@@ -1,0 +1,75 @@
+"""Training that isn't finished, on disk: what it takes to go on from there."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from fnnq_torchrl.batches import BATCHABLE
+from fnnq_torchrl.config import Config, ConfigError
+from fnnq_torchrl.keeper import Hand
+from fnnq_torchrl.ledger import Ledger
+from fnnq_torchrl.plain import read_plain, write_plain
+
+FORMAT = 1
+NAME = "training.pt"
+
+# In what learning doesn't depend on; which engine it is tells the identity by itself.
+_NO_MATTER = ("resume", "checkpoint", "engine", *BATCHABLE)
+
+
+class SavedTraining:
+    """The file of a batch's training, in the directory of the batch's last job.
+
+    The last, because jobs are finished in their order: where one is missing, it is.
+
+    Args:
+        directory: for the file.
+        config: of the batch.
+        engine: that runs it: another's results would differ in the last bits.
+    """
+
+    def __init__(self, directory: Path, config: Config, engine: str) -> None:
+        self.path = directory / NAME
+        shared = {key: of for key, of in asdict(config).items() if key not in _NO_MATTER}
+        self._identity = hashlib.sha256(f"{engine} {shared!r}".encode()).hexdigest()
+
+    def save(self, ledger: Ledger, hands: Sequence[Hand]) -> None:
+        """Write all that is done so far.
+
+        Raises:
+            OSError: the file can't be written; an earlier one stays as it was.
+        """
+        content = {"identity": self._identity, "ledger": ledger.state_dict(hands)}
+        write_plain(self.path, FORMAT, content)
+
+    def load(self, ledger: Ledger) -> bool:
+        """Go on from the file.
+
+        Returns:
+            Whether there is one.
+
+        Raises:
+            ConfigError: it is that of another configuration or other runs, or no such file.
+            OSError: it can't be read.
+        """
+        if not self.path.exists():
+            return False
+        try:
+            content = read_plain(self.path, FORMAT, "a saved training")
+            if content["identity"] != self._identity or not ledger.load_state_dict(
+                content["ledger"]
+            ):
+                raise ConfigError(
+                    f"{self.path} is of another configuration; "
+                    "take another directory, or begin anew with resume=never"
+                )
+        except (AttributeError, IndexError, KeyError, RuntimeError, TypeError) as error:
+            raise ConfigError(f"{self.path} is not a complete saved training") from error
+        except ValueError as error:
+            raise ConfigError(f"{error}; resume=never begins anew") from error
+        return True
+
+    def discard(self) -> None:
+        """Everything is finished."""
+        self.path.unlink(missing_ok=True)
