@@ -39,7 +39,7 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "gamma": 0.95,
         "exploration": "epsilon_greedy",
         "epsilon": 0.1,
-        "temperature": 0.05,
+        "temperature": 0.01,
         "noise_std": 0.3,
         "variant": "peng",
         "trace": "output",

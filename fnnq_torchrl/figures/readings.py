@@ -15,7 +15,7 @@ from .words import setting_words
 _GRID = 201
 
 
-def readings_figure(experiment: Experiment, measure: str = "final_score") -> Figure:
+def readings_figure(experiment: Experiment, measure: str = "mean_score") -> Figure:
     """Draw three panels from an experiment that varies ``trace`` and ``lam``.
 
     Raises:
