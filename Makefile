@@ -3,18 +3,30 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
+# A picture of each job would take longer than the jobs.
+EXPERIMENT := $(BIN)/python -m fnnq_torchrl.train hydra.launcher.pictures_up_to=0
+SEEDS := 1000
 JAX := benchmarks/.jax
 
 .DEFAULT_GOAL := help
-.PHONY: help install run test test-wheel bench bench-jax agreement lint format clean
+.PHONY: help install run figures reproduction test test-wheel bench bench-jax agreement lint format clean
 
 help:  ## list these targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
 
 install: $(STAMP)  ## everything into .venv, at the versions of constraints.txt (PYTHON=… picks the interpreter)
 
 run: install  ## train 22 runs with λ = 0.2
 	$(BIN)/python -m fnnq_torchrl.train lam=0.2 num_seeds=22
+
+figures: install  ## the paper's figures and ours, 22 seeds each, into outputs/figures
+	for name in fig2 fig3 traces decay exploration variants; do $(EXPERIMENT) +experiment=$$name || exit; done
+	$(BIN)/python -m fnnq_torchrl.figures fig2 fig3 traces readings decay exploration variants
+
+reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 seeds (SEEDS=1000: those of all else)
+	for name in fig2_large fig3_large decay_large; do $(EXPERIMENT) +experiment=$$name || exit; done
+	for name in traces decay exploration variants open_choices; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
+	$(BIN)/python -m fnnq_torchrl.reproduction
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q

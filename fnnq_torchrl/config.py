@@ -33,8 +33,10 @@ from envs.ranges import (
 from envs.world import OBSERVATIONS, World
 
 __all__ = [
+    "EXPLORATIONS",
     "PER_RUN",
     "TRACES",
+    "VARIANTS",
     "ActionConfig",
     "CheckpointConfig",
     "Config",
@@ -49,12 +51,26 @@ __all__ = [
     "to_config",
 ]
 
-PER_RUN = ("seed", "lam", "alpha", "alpha_decay", "gamma", "epsilon")
+PER_RUN = (
+    "seed",
+    "lam",
+    "alpha",
+    "alpha_decay",
+    "gamma",
+    "epsilon",
+    "temperature",
+    "noise_std",
+)
 """The keys whose values may differ from run to run within one batch; all others are shared."""
 
+VARIANTS = ("peng", "watkins", "naive")
+"""Whose Q(λ) it is (`fnnq_torchrl.qlambda.Rule`)."""
 
-TRACES = ("output", "gradient")
-"""The readings of step h of the paper's Table 1 (`fnnq_torchrl.qlambda.step_h_scale`)."""
+TRACES = ("output", "gradient", "replacing", "window")
+"""What the trace is; the first two are the readings of step h (`fnnq_torchrl.qlambda.Rule`)."""
+
+EXPLORATIONS = {"epsilon_greedy": "epsilon", "boltzmann": "temperature", "noise": "noise_std"}
+"""The ways to explore, each with the key that says how much (`fnnq_torchrl.policy`)."""
 
 
 @dataclass
@@ -115,8 +131,13 @@ class Config(Parameters):
     alpha: float = number(0)
     alpha_decay: float = number(above=0, high=1)
     gamma: float = number(0, 1)
+    exploration: str = one_of(*EXPLORATIONS)
     epsilon: float = number(0, 1)
+    temperature: float = number(above=0)
+    noise_std: float = number(0)
+    variant: str = one_of(*VARIANTS)
     trace: str = one_of(*TRACES)
+    window: int = whole(1)
     engine: str = one_of("auto", "eager", "compiled")
     situations: int = whole(1)
     resume: str = one_of("auto", "never")

@@ -1,4 +1,4 @@
-"""Peng's Q(λ) as TorchRL has its losses: a LossModule, and a hook that holds the trace."""
+"""Q(λ) as TorchRL has its losses: a LossModule, and a hook that holds the trace."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -11,7 +11,9 @@ from torch import Tensor, nn
 from torchrl.objectives import LossModule
 
 from fnnq_torchrl import qlambda
+from fnnq_torchrl.exploration import is_greedy
 from fnnq_torchrl.layout import over_batch, per_run, run_numbers, runs_first, runs_last
+from fnnq_torchrl.qlambda import Rule
 from fnnq_torchrl.values import ValueNetwork
 
 if TYPE_CHECKING:  # it imports all of TorchRL's collectors
@@ -103,40 +105,71 @@ class PengQLambdaLoss(LossModule):
         )
 
 
+def no_trace(rule: Rule, weights: Weights) -> dict[str, Tensor]:
+    """The trace before the first step, by the weights' names, with the runs first."""
+    return {name: runs_first(rule.no_trace(runs_last(w))) for name, w in weights.items()}
+
+
 def credit_weights(
+    rule: Rule,
     trace: Weights,
     gradient: Weights,
     td_error: Tensor,
     chosen_td_error: Tensor,
     decay: Tensor,
+    greedy: Tensor | None,
     done: Tensor,
-    reading: str,
 ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
-    """:func:`fnnq_torchrl.qlambda.credit` for all the weights of a network.
+    """:func:`fnnq_torchrl.qlambda.credit_all` for the weights of a network.
 
     Args:
-        trace, gradient: e and ∇Q(s, a) by the weights' names, each ``[runs, *weights]``.
+        rule: which Q(λ) it is.
+        trace: e by the weights' names, as :func:`no_trace` has it.
+        gradient: ∇Q(s, a) by the weights' names, each ``[runs, *weights]``.
         td_error, chosen_td_error, decay, done: δ, δ′, γλ and the end, each ``[runs, 1]``.
-        reading: of step h, ``output`` or ``gradient``.
+        greedy: of :func:`greedy_steps`.
 
     Returns:
-        Δw and the new trace, by name, each ``[runs, *weights]``.
+        Δw and the new trace, by name, with the runs first.
     """
-    slopes = {name: runs_last(slope) for name, slope in gradient.items()}
-    scale = qlambda.step_h_scale(slopes.values(), reading)
-    errors = per_run(td_error), per_run(chosen_td_error)
-    goes_on = per_run(done).logical_not().to(td_error.dtype)
+    credited = qlambda.credit_all(
+        rule,
+        [runs_last(trace[name]) for name in gradient],
+        [runs_last(slope) for slope in gradient.values()],
+        per_run(td_error),
+        per_run(chosen_td_error),
+        per_run(decay),
+        greedy,
+        per_run(done).logical_not().to(td_error.dtype),
+    )
+    pairs = zip(gradient, credited, strict=True)
     directions, traces = {}, {}
-    for name, slope in slopes.items():
-        direction, after = qlambda.credit(
-            runs_last(trace[name]), slope, *errors, per_run(decay), scale, goes_on
-        )
+    for name, (direction, after) in pairs:
         directions[name], traces[name] = runs_first(direction), runs_first(after)
     return directions, traces
 
 
+def greedy_steps(
+    rule: Rule, action_value: Tensor, candidates: Tensor, action: Tensor
+) -> Tensor | None:
+    """Where the action was greedy, for a rule that cuts the trace elsewhere.
+
+    Args:
+        rule: which Q(λ) it is.
+        action_value: Q of the candidates, ``[runs, candidates]``.
+        candidates: ``[candidates]``.
+        action: ``[runs, 1]``.
+
+    Returns:
+        1 or 0, ``[runs]``; nothing for a rule that needn't know.
+    """
+    if rule.variant != "watkins":
+        return None
+    return is_greedy(action_value.movedim(-1, 0), candidates, per_run(action))
+
+
 class EligibilityTrace:
-    """The trace of Peng's Q(λ), kept in a network like the one for Q, as a hook on the loss.
+    """The trace of Q(λ), kept in a network like the one for Q, as a hook on the loss.
 
     Between the loss and the optimiser it turns the loss into −⟨Δw, w⟩ with Δw = δe + δ′∇Q(s, a),
     whose gradient is −Δw: plain SGD with the step size α then does Table 1's f and g, and the hook
@@ -151,19 +184,20 @@ class EligibilityTrace:
     Args:
         loss: whose value network's weights have the runs as their first dimension.
         lam: λ, one number or one per run, ``[runs, 1]``.
-        reading: of step h, ``output`` or ``gradient`` (:func:`fnnq_torchrl.qlambda.step_h_scale`).
+        rule: which Q(λ) it is; the paper's unless given.
 
     Raises:
-        ValueError: the reading is neither, or λ has another shape.
+        ValueError: λ has another shape.
     """
 
-    def __init__(self, loss: PengQLambdaLoss, lam: Tensor | float, reading: str = "output") -> None:
+    def __init__(
+        self, loss: PengQLambdaLoss, lam: Tensor | float, rule: Rule | None = None
+    ) -> None:
         self.loss = loss
         self.lam = run_numbers("lam", lam, like=loss.gamma)
-        self.reading = qlambda.check_reading(reading)
-        self.trace = {
-            name: torch.zeros_like(weight) for name, weight in loss.value_network.named_parameters()
-        }
+        self.rule = rule or Rule()
+        weights = {name: w.detach() for name, w in loss.value_network.named_parameters()}
+        self.trace = no_trace(self.rule, weights)
 
     def __call__(self, batch: TensorDictBase, losses: TensorDictBase) -> TensorDictBase:
         """The losses with the trace's share in ``loss``; the trace moves on by this step.
@@ -178,16 +212,23 @@ class EligibilityTrace:
         runs, keys = len(batch), self.loss.tensor_keys
         if batch.numel() != runs:
             raise ValueError(f"batch of shape {list(batch.shape)}: must be one step of every run")
-        weights = dict(self.loss.value_network.named_parameters())
+        network = self.loss.value_network
+        weights = dict(network.named_parameters())
         slopes = torch.autograd.grad(losses[keys.chosen_action_value].sum(), list(weights.values()))
         directions, self.trace = credit_weights(
+            self.rule,
             self.trace,
             dict(zip(weights, slopes, strict=True)),
             losses[keys.td_error].view(runs, 1),
             losses[keys.chosen_td_error].view(runs, 1),
             self.loss.gamma * self.lam,
+            greedy_steps(
+                self.rule,
+                batch[keys.action_value].reshape(runs, -1),
+                network.candidates,
+                batch[keys.action].view(runs, 1),
+            ),
             batch["next", keys.done].view(runs, 1),
-            self.reading,
         )
         losses["loss"] = -sum((directions[name] * w).sum() for name, w in weights.items())
         return losses

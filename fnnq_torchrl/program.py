@@ -11,19 +11,21 @@ from envs.pure import PureEnv
 from fnnq_torchrl import qlambda
 from fnnq_torchrl.autograd import gradient
 from fnnq_torchrl.layout import per_run, runs_first, runs_last
-from fnnq_torchrl.loss import PengQLambdaLoss, credit_weights
-from fnnq_torchrl.policy import EpsilonGreedyPolicy
+from fnnq_torchrl.loss import PengQLambdaLoss, credit_weights, greedy_steps, no_trace
+from fnnq_torchrl.policy import ExploringPolicy, make_policy
+from fnnq_torchrl.qlambda import Rule
 from fnnq_torchrl.values import ValueNetwork
 
 
 class Program:
-    """Peng's Q(λ) on an environment: act, step, the two errors, weights and trace, restart.
+    """Q(λ) on an environment: act, step, the two errors, weights and trace, restart.
 
     Everything that differs from run to run comes in TensorDicts of batch size ``[runs]``, and
     nothing is averaged over runs, so each run is a learner of its own:
 
-    * ``run``, which stays: ``seed``, ``lam``, ``alpha``, ``alpha_decay``, ``gamma``, ``epsilon``,
-      and ``situations``, how many it is to learn from; each ``[runs, 1]``;
+    * ``run``, which stays: ``seed``, ``lam``, ``alpha``, ``alpha_decay``, ``gamma``, the amount of
+      exploration by its name, as ``epsilon``, and ``situations``, how many it is to learn from;
+      each ``[runs, 1]``;
     * ``state``, which every step replaces: ``world``, what the environment needs to go on;
       ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the step size
       so far decayed; ``situations`` and ``steps``, counts of what was learned from; ``over``,
@@ -33,11 +35,12 @@ class Program:
     Args:
         env: the world, with the runs as its batch.
         value_network: Q(s, a); its weights are the shape of every run's, its values their start.
-        trace: the reading of step h, ``output`` or ``gradient``.
+        rule: which Q(λ) it is.
+        exploration: which policy it learns by (:func:`fnnq_torchrl.policy.make_policy`).
         evaluate_every: situations from one evaluation to the next.
 
     Raises:
-        ValueError: there is no such reading.
+        ValueError: there is no such policy.
     """
 
     def __init__(
@@ -45,13 +48,14 @@ class Program:
         env: PureEnv,
         value_network: ValueNetwork,
         *,
-        trace: str,
+        rule: Rule,
+        exploration: str,
         evaluate_every: int,
     ) -> None:
         self.env = env
-        self.policy = EpsilonGreedyPolicy(value_network, epsilon=0.0)
+        self.policy = make_policy(exploration, value_network, 0.0)  # every step sets the amount
         self.loss = PengQLambdaLoss(value_network, gamma=1.0)
-        self.reading = qlambda.check_reading(trace)
+        self.rule = rule
         self.evaluate_every = evaluate_every
 
     def begin(self, run: TensorDictBase) -> TensorDict:
@@ -65,7 +69,7 @@ class Program:
             {
                 "world": self.env.start(run["seed"].clone(), zero.clone()),
                 "weights": TensorDict(weights, **batch),
-                "trace": TensorDict({k: torch.zeros_like(w) for k, w in weights.items()}, **batch),
+                "trace": TensorDict(no_trace(self.rule, weights), **batch),
                 "alpha": run["alpha"].clone(),
                 "situations": zero.clone(),
                 "steps": zero.clone(),
@@ -89,18 +93,25 @@ class Program:
         Whoever calls collects it before the next one can be due, ``env.fewest_steps ·
         evaluate_every`` steps later.
         """
-        world = act(self.policy, state["weights"], run["epsilon"], state["world"])
+        amount = run[self.policy.amount_name]
+        world = act(self.policy, state["weights"], amount, state["world"])
         transition = self.env.step(world)
         after = transition["next"]
         slope, td_error, chosen_td_error = self._slope(state["weights"], run["gamma"], transition)
         directions, trace = credit_weights(
+            self.rule,
             state["trace"],
             slope,
             td_error,
             chosen_td_error,
             run["gamma"] * run["lam"],
+            greedy_steps(
+                self.rule,
+                world["action_value"],
+                self.policy.value_network.candidates,
+                world["action"],
+            ),
             after["done"],
-            self.reading,
         )
         alpha = per_run(state["alpha"])
         weights = {
@@ -153,14 +164,14 @@ class Program:
 
 
 def act(
-    policy: EpsilonGreedyPolicy,
+    policy: ExploringPolicy,
     weights: Mapping[str, Tensor],
-    epsilon: Tensor,
+    amount: Tensor,
     world: TensorDictBase,
 ) -> TensorDictBase:
-    """The world's TensorDict with each run's choice in it, from that run's weights and ε."""
+    """The world's TensorDict with each run's choice in it, from that run's weights and amount."""
     overrides = {f"value_network.{name}": weight for name, weight in weights.items()}
-    return functional_call(policy, overrides | {"epsilon": epsilon}, (world.copy(),))
+    return functional_call(policy, overrides | {policy.amount_name: amount}, (world.copy(),))
 
 
 def _copy(weight: Tensor) -> Tensor:

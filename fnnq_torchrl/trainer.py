@@ -14,6 +14,7 @@ from fnnq_torchrl.lanes import lanes_for, repeat_last
 from fnnq_torchrl.learning import Learning
 from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.program import Program
+from fnnq_torchrl.qlambda import Rule
 from fnnq_torchrl.results import Outcome
 from fnnq_torchrl.values import ValueNetwork, make_value_network
 from fnnq_torchrl.work import Keeper, work_through
@@ -73,7 +74,8 @@ class Trainer:
         return Program(
             FollowBall(config.env, [lanes], dtype=self.dtype, device=self.device),
             self._value_network(lanes),
-            trace=config.trace,
+            rule=Rule(config.variant, config.trace, config.window),
+            exploration=config.exploration,
             evaluate_every=config.evaluation.every,
         )
 

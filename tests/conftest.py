@@ -3,6 +3,8 @@
 import os
 import warnings
 from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 # The tensors are small, so a second thread only waits for the first: for milliseconds an operation
 # if the machine is busy. Torch reads this when it is imported; the commands under test inherit it.
@@ -10,6 +12,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from fnnq_torchrl.experiments import Experiment
 
 # The first call of a torch operation can take seconds, so no example has a deadline.
 settings.register_profile("here", deadline=None, derandomize="CI" in os.environ, print_blob=True)
@@ -35,3 +40,23 @@ def compiler() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch 2.13 still uses what it has deprecated itself
         import torch._inductor.compile_fx  # noqa: F401
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Invented results of all experiments, as below ``outputs``: of 110 runs where large, or 12."""
+    from .experiment_files import EXPERIMENTS, paper_level, write_experiment
+
+    root = tmp_path_factory.mktemp("outputs")
+    for name, jobs in EXPERIMENTS.items():
+        runs = 110 if name.endswith("large") else 12
+        write_experiment(root / name / "2026-01-02_03-04-05", jobs, paper_level, runs)
+    return root
+
+
+@pytest.fixture(scope="session")
+def experiments(results: Path) -> "dict[str, Experiment]":
+    """The same, read."""
+    from fnnq_torchrl.experiments import newest_experiment
+
+    return {path.name: newest_experiment(results, path.name) for path in results.iterdir()}

@@ -11,6 +11,7 @@ from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import PER_RUN, Config
 from fnnq_torchrl.lanes import LANES, Values, repeat_last
 from fnnq_torchrl.program import Program
+from fnnq_torchrl.qlambda import Rule
 from fnnq_torchrl.values import ValueNetwork, make_value_network
 
 SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
@@ -43,7 +44,8 @@ def make_program(
     return Program(
         FollowBall(config.env, [len(run)], dtype=dtype),
         network or make_value_network(config.value, candidates, len(run)),
-        trace=config.trace,
+        rule=Rule(config.variant, config.trace, config.window),
+        exploration=config.exploration,
         evaluate_every=config.evaluation.every,
     )
 

@@ -2,12 +2,19 @@ from itertools import product
 from math import inf, nan
 
 import pytest
+import scipy.stats
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from fnnq_torchrl.exploration import epsilon_greedy
+from fnnq_torchrl.exploration import (
+    boltzmann,
+    epsilon_greedy,
+    is_greedy,
+    noisy_greedy,
+    normal_quantile,
+)
 
 from .oracles import peng
 
@@ -97,3 +104,93 @@ def test_the_choice_is_a_candidate_even_where_a_value_is_not_finite(
     chosen = choose(values, epsilon, grid(50, torch.float32))
     assert chosen.min() >= 0
     assert chosen.max() < 3
+
+
+# -- Boltzmann ------------------------------------------------------------------------------------
+
+
+def by_boltzmann(values: list[float], temperature: float, u: Tensor) -> Tensor:
+    action_values = torch.tensor(values, dtype=u.dtype).unsqueeze(-1).expand(-1, len(u))
+    return boltzmann(action_values, torch.full_like(u, temperature), u)
+
+
+@DTYPES
+@pytest.mark.parametrize("temperature", [0.1, 1.0, 10.0])
+def test_boltzmann_gives_every_candidate_its_probability(
+    temperature: float, dtype: torch.dtype
+) -> None:
+    values, cells = [0.0, 1.0, 0.5, 1.0, -3.0], 20_000
+    counts = by_boltzmann(values, temperature, grid(cells, dtype)).bincount(minlength=5)
+    expected = cells * torch.softmax(torch.tensor(values) / temperature, 0)
+    assert (counts - expected).abs().max() <= 1
+
+
+@DTYPES
+def test_boltzmann_when_cold_is_greedy_and_when_hot_is_uniform(dtype: torch.dtype) -> None:
+    values = [0.0, 0.25, -1e3, 0.25]
+    cold = by_boltzmann(values, 1e-30, grid(GRID, dtype)).bincount(minlength=4)
+    hot = by_boltzmann(values, 1e30, grid(GRID, dtype)).bincount(minlength=4)
+    assert cold.tolist() == [0, GRID // 2, 0, GRID // 2]
+    assert hot.tolist() == [GRID // 4] * 4
+
+
+@DTYPES
+@pytest.mark.parametrize(
+    "values", [[0.0], [1.0, -1e9], [-1e9, 1.0], [0.3] * 21, [nan, nan], [inf, 0.0]]
+)
+def test_boltzmann_chooses_a_candidate_that_has_a_chance(
+    values: list[float], dtype: torch.dtype
+) -> None:
+    below_one = torch.nextafter(torch.ones((), dtype=dtype), torch.zeros((), dtype=dtype))
+    u = torch.stack([torch.zeros((), dtype=dtype), torch.full((), 1 - 2.0**-24), below_one])
+    chosen = by_boltzmann(values, 0.1, u.to(dtype))
+    assert chosen.min() >= 0
+    assert chosen.max() < len(values)
+    if -1e9 in values:
+        assert (chosen == values.index(1.0)).all()
+
+
+# -- noise ----------------------------------------------------------------------------------------
+
+
+@DTYPES
+def test_the_quantile_is_the_normal_distributions(dtype: torch.dtype) -> None:
+    u = grid(20_000, dtype)
+    expected = torch.from_numpy(scipy.stats.norm.ppf(u.double().numpy()))
+    torch.testing.assert_close(normal_quantile(u).double(), expected, rtol=1e-4, atol=1e-4)
+    edges = torch.tensor([0.0, 1.0], dtype=dtype)
+    assert normal_quantile(edges).isfinite().all()
+
+
+@DTYPES
+def test_noise_is_normal_around_the_best(dtype: torch.dtype) -> None:
+    candidates = torch.linspace(-1, 1, 5, dtype=dtype)
+    u = grid(20_000, dtype)
+    values = torch.tensor([0.0, 0.0, 3.0, 0.0, 0.0], dtype=dtype).unsqueeze(-1).expand(-1, len(u))
+    action = noisy_greedy(values, candidates, torch.full_like(u, 0.2), u).double().numpy()
+    assert scipy.stats.kstest(action, scipy.stats.norm(scale=0.2).cdf).statistic < 1e-3
+
+
+@DTYPES
+def test_ties_are_broken_evenly_before_the_noise_and_the_range_is_kept(dtype: torch.dtype) -> None:
+    candidates = torch.linspace(-1, 1, 3, dtype=dtype)
+    u = grid(6_000, dtype)
+    values = torch.tensor([1.0, 0.0, 1.0], dtype=dtype).unsqueeze(-1).expand(-1, len(u))
+    action = noisy_greedy(values, candidates, torch.full_like(u, 0.1), u)
+    for centre in (-1, 1):
+        near = action[(action - centre).abs() < 0.9]
+        assert len(near) == 3_000
+        assert (near == centre).sum() == pytest.approx(1_500, abs=2)  # half the noise goes beyond
+        spread = (near - centre).square().mean().sqrt()
+        assert spread == pytest.approx(0.1 / 2**0.5, rel=1e-2)
+    assert torch.equal(
+        noisy_greedy(values, candidates, torch.zeros_like(u), u),
+        candidates[epsilon_greedy(values, torch.zeros_like(u), u)],
+    )
+
+
+def test_greedy_is_any_of_the_best_candidates() -> None:
+    candidates = torch.tensor([-1.0, 0.0, 1.0])
+    values = torch.tensor([2.0, 2.0, 0.0]).unsqueeze(-1).expand(-1, 4)
+    action = torch.tensor([-1.0, 0.0, 1.0, 0.001])
+    assert is_greedy(values, candidates, action).tolist() == [1, 1, 0, 0]

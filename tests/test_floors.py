@@ -30,6 +30,7 @@ FLOORS = {
     "fnnq_torchrl.stats": 0,
     "fnnq_torchrl.threads": 0,
     "fnnq_torchrl.autograd": 1,
+    "fnnq_torchrl.step_size": 1,
     "fnnq_torchrl.exploration": 1,
     "fnnq_torchrl.graphs": 1,
     "fnnq_torchrl.qlambda": 1,
@@ -41,7 +42,9 @@ FLOORS = {
     "fnnq_torchrl.cluster": 3,
     "fnnq_torchrl.engine": 3,
     "fnnq_torchrl.evaluation": 3,
+    "fnnq_torchrl.experiments": 3,
     "fnnq_torchrl.figures": 3,
+    "fnnq_torchrl.measures": 3,
     "fnnq_torchrl.inductor": 3,
     "fnnq_torchrl.job": 3,
     "fnnq_torchrl.keeper": 3,
@@ -51,12 +54,15 @@ FLOORS = {
     "fnnq_torchrl.program": 3,
     "fnnq_torchrl.report": 3,
     "fnnq_torchrl.saved": 3,
+    "fnnq_torchrl.reproduction": 3,
     "fnnq_torchrl.snapshots": 3,
     "fnnq_torchrl.sweep": 3,
     "fnnq_torchrl.trainer": 3,
     "fnnq_torchrl.work": 3,
     "fnnq_torchrl.cli": 4,
     "fnnq_torchrl.compose": 4,
+    "fnnq_torchrl.figures.__main__": 4,
+    "fnnq_torchrl.reproduction.__main__": 4,
     "fnnq_torchrl.launcher": 4,
     "fnnq_torchrl.multirun": 4,
     "fnnq_torchrl.train": 4,
@@ -65,7 +71,10 @@ FLOORS = {
 # Who may import what is slow to load, or belongs at the edge.
 ONLY_IN = {
     "hydra": {name for name, height in FLOORS.items() if height == 4},
-    "matplotlib": {"fnnq_torchrl.figures"},
+    "matplotlib": {
+        f"fnnq_torchrl.figures{module}"
+        for module in ("", ".curves", ".dots", ".gallery", ".lines", ".readings", ".style")
+    },
     "submitit": {"fnnq_torchrl.cluster"},
     "wandb": set(),
 }

@@ -12,6 +12,7 @@ from torchrl.objectives import DQNLoss, ValueEstimators
 from envs.follow_ball import FollowBall
 from fnnq_torchrl.loss import EligibilityTrace, PengQLambdaLoss
 from fnnq_torchrl.policy import EpsilonGreedyPolicy
+from fnnq_torchrl.qlambda import Rule
 from fnnq_torchrl.values import ValueNetwork, make_value_network
 
 from .programs import advance, config, make_program, make_runs
@@ -116,7 +117,7 @@ def test_the_backward_view_of_frozen_weights_is_torchrls_forward_view(
     network = fill(make_network(), seed=1)
     lams = [0.0, 0.25, 0.75, 1.0]  # of the four runs
     loss = PengQLambdaLoss(network, GAMMA)
-    trace = EligibilityTrace(loss, real(*lams).unsqueeze(-1), "gradient")
+    trace = EligibilityTrace(loss, real(*lams).unsqueeze(-1), Rule(trace="gradient"))
     history = seen_by(network, episodes)
     for t in range(STEPS):
         batch = history[:, t]
@@ -149,7 +150,7 @@ def test_without_lambda_the_trace_changes_nothing(
 ) -> None:
     network = fill(make_network(), seed=1)
     loss = PengQLambdaLoss(network, GAMMA)
-    trace = EligibilityTrace(loss, 0.0, reading)
+    trace = EligibilityTrace(loss, 0.0, Rule(trace=reading))
     history = seen_by(network, episodes)
     for t in range(5):
         batch = history[:, t]
@@ -204,7 +205,7 @@ def test_three_steps_by_hand(
     """
     network = Plane()
     loss = PengQLambdaLoss(network, gamma=0.5)
-    trace = EligibilityTrace(loss, lam=0.5, reading=reading)
+    trace = EligibilityTrace(loss, lam=0.5, rule=Rule(trace=reading))
     optimizer = torch.optim.SGD(network.parameters(), lr=0.5)
     steps = [(2, 0, 1, 1, False), (1, 1, 0, 2, False), (2, 0, 2, 9, True)]
     for (s, a, r, after, end), weight, e in zip(steps, weights, traces, strict=True):
@@ -226,7 +227,7 @@ def test_after_step_h_the_trace_networks_output_has_risen_by_exactly_one(
 ) -> None:
     network = fill(fnn(1), seed)
     loss = PengQLambdaLoss(network, gamma)
-    trace = EligibilityTrace(loss, lam, "output")
+    trace = EligibilityTrace(loss, lam, Rule(trace="output"))
     trace.trace = {"weight": fill(fnn(1), seed + 1).weight.detach()}
 
     def output() -> Tensor:
@@ -260,7 +261,7 @@ def test_with_sgd_the_hook_learns_what_the_program_learns(
     env = FollowBall(settings.env, [RUNS], dtype=torch.float64)
     policy = EpsilonGreedyPolicy(network, run["epsilon"])
     loss = PengQLambdaLoss(network, run["gamma"])
-    trace = EligibilityTrace(loss, run["lam"], reading)
+    trace = EligibilityTrace(loss, run["lam"], Rule(trace=reading))
     optimizer = torch.optim.SGD(network.parameters(), lr=settings.alpha)
     state = env.start(run["seed"], torch.zeros_like(run["seed"]))
     for _ in range(STEPS):
@@ -283,7 +284,7 @@ def test_any_networks_weights_are_credited_as_a_run_by_itself_would_be(
     network = fill(Perceptron(), seed=1)
     lams = [0.0, 0.2, 0.8, 1.0]
     loss = PengQLambdaLoss(network, GAMMA)
-    trace = EligibilityTrace(loss, real(*lams).unsqueeze(-1), reading)
+    trace = EligibilityTrace(loss, real(*lams).unsqueeze(-1), Rule(trace=reading))
     names = [name for name, _ in network.named_parameters()]
     traces = [[torch.zeros_like(w[run]) for w in network.parameters()] for run in range(RUNS)]
     history = seen_by(network, episodes)
@@ -427,11 +428,6 @@ def test_the_trace_can_be_saved(episodes: TensorDict) -> None:
     losses = [trace(episodes[:, 1], loss(episodes[:, 1]))["loss"] for trace in (saved, other)]
     assert torch.equal(*losses)
     assert torch.equal(saved.trace["weight"], other.trace["weight"])
-
-
-def test_there_is_no_third_reading() -> None:
-    with pytest.raises(ValueError, match="'ouput': must be output or gradient"):
-        EligibilityTrace(PengQLambdaLoss(fnn(), GAMMA), 0.8, "ouput")
 
 
 @pytest.mark.parametrize("shape", [(RUNS,), (1, RUNS), (RUNS, 1, 1)])

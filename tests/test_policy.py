@@ -3,7 +3,8 @@ import torch
 from tensordict import TensorDict
 
 from envs.follow_ball import FollowBall
-from fnnq_torchrl.policy import EpsilonGreedyPolicy
+from fnnq_torchrl.config import EXPLORATIONS
+from fnnq_torchrl.policy import EpsilonGreedyPolicy, make_policy
 from fnnq_torchrl.values import FNNQValue, make_value_network
 
 from .oracles import peng
@@ -72,14 +73,21 @@ def test_it_names_what_it_reads_and_writes(network: FNNQValue) -> None:
     assert set(policy(state).keys()) == {*policy.in_keys, *policy.out_keys}
 
 
+@pytest.mark.parametrize("exploration", EXPLORATIONS)
 @pytest.mark.parametrize("batch_size", [(1,), (3,), (21,), (5, 3), (1, 21)])
-def test_it_drives_batches_of_any_shape(batch_size: tuple[int, ...]) -> None:
+def test_it_drives_batches_of_any_shape(batch_size: tuple[int, ...], exploration: str) -> None:
     network = make_value_network(config().value, CANDIDATES, runs=1)
     env = FollowBall(config().env, batch_size, dtype=torch.float64)
     with torch.no_grad():
-        history = env.rollout(3, EpsilonGreedyPolicy(network, 0.5))
+        history = env.rollout(3, make_policy(exploration, network, 0.5))
     assert history["action"].shape == (*batch_size, 3, 1)
-    assert torch.isin(history["action"], CANDIDATES).all()
+    assert (history["action"].abs() <= 1).all()
+    assert torch.isin(history["action"], CANDIDATES).all() == (exploration != "noise")
+
+
+def test_there_is_no_other_policy(network: FNNQValue) -> None:
+    with pytest.raises(ValueError, match=r"'softmax': must be one of epsilon_greedy, boltzmann"):
+        make_policy("softmax", network, 0.5)
 
 
 def test_a_batch_without_runs_is_refused(network: FNNQValue) -> None:

@@ -1,15 +1,17 @@
-from itertools import islice
+from itertools import islice, product
 
 import pytest
 import torch
 from tensordict import TensorDict
 
-from fnnq_torchrl.config import PER_RUN
-from fnnq_torchrl.graphs import leaves, trace
+from fnnq_torchrl import graphs
+from fnnq_torchrl.config import EXPLORATIONS, PER_RUN, TRACES, VARIANTS
 from fnnq_torchrl.program import Program
+from fnnq_torchrl.qlambda import Rule
 from fnnq_torchrl.values import FNNQValue
 
 from .oracles.peng import peng_q_lambda
+from .oracles.q_lambdas import q_lambda
 from .oracles.random_mdp import ACTIONS, STATES, RandomMDP, Walk
 from .programs import advance, config, make_program, make_runs
 
@@ -39,7 +41,7 @@ def mdp_runs() -> TensorDict:
     return TensorDict({key: value.unsqueeze(-1) for key, value in columns.items()}, [runs])
 
 
-def mdp_program(runs: int, reading: str) -> Program:
+def mdp_program(runs: int, rule: Rule) -> Program:
     candidates = torch.linspace(-1, 1, ACTIONS, dtype=torch.float64)
     network = FNNQValue(
         {"place": [(place, CRISP) for place in range(STATES)]},
@@ -47,7 +49,14 @@ def mdp_program(runs: int, reading: str) -> Program:
         candidates,
         runs=runs,
     )
-    return Program(RandomMDP(runs), network, trace=reading, evaluate_every=1)
+    return Program(
+        RandomMDP(runs), network, rule=rule, exploration="epsilon_greedy", evaluate_every=1
+    )
+
+
+def own_values(runs: TensorDict, i: int) -> dict[str, float]:
+    """What a learner in plain Python takes: when to stop is for others to say."""
+    return {key: runs[key][i].item() for key in set(runs.keys()) - {"situations"}}
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +64,7 @@ def tables(mdp_runs: TensorDict) -> dict[str, torch.Tensor]:
     """What the plain-Python learners have after every step: ``[runs, STEPS, …]``."""
     histories = []
     for i in range(len(mdp_runs)):
-        values = {key: mdp_runs[key][i].item() for key in PER_RUN}
+        values = own_values(mdp_runs, i)
         walk = Walk(values.pop("seed"))
         histories.append([*islice(peng_q_lambda(walk, STATES, ACTIONS, **values), STEPS)])
     return {
@@ -72,13 +81,80 @@ def tables(mdp_runs: TensorDict) -> dict[str, torch.Tensor]:
 def test_with_crisp_labels_it_is_pengs_tabular_q_lambda_to_the_last_bit(
     mdp_runs: TensorDict, tables: dict[str, torch.Tensor], reading: str
 ) -> None:
-    program = mdp_program(len(mdp_runs), reading)
+    program = mdp_program(len(mdp_runs), Rule(trace=reading))
     state = program.begin(mdp_runs)
     for step in range(STEPS):
         state = program.step(mdp_runs, state)
         assert torch.equal(state["weights", "weight"], tables["q"][:, step]), step
         assert torch.equal(state["trace", "weight"], tables["trace"][:, step]), step
         assert torch.equal(state["alpha"].squeeze(-1), tables["alpha"][:, step]), step
+
+
+LONG = 30  # more steps than an episode has
+SOME = 60
+
+
+@pytest.mark.parametrize(
+    ("variant", "trace", "window"),
+    [
+        *((variant, trace, LONG) for variant, trace in product(VARIANTS, TRACES)),
+        *(("peng", "window", window) for window in (1, 3)),
+        ("watkins", "window", 2),
+    ],
+)
+@torch.no_grad()
+def test_with_crisp_labels_every_q_lambda_is_the_tabular_one(
+    mdp_runs: TensorDict, variant: str, trace: str, window: int
+) -> None:
+    program = mdp_program(len(mdp_runs), Rule(variant, trace, window))
+    learned = advance(program, mdp_runs, SOME)
+    for i in range(len(mdp_runs)):
+        values = own_values(mdp_runs, i)
+        walk = Walk(values.pop("seed"))
+        rule = {"variant": variant, "trace": trace, "window": window}
+        table = q_lambda(walk, STATES, ACTIONS, **rule, **values)
+        q = torch.tensor(next(islice(table, SOME - 1, None)).q, dtype=torch.float64)
+        torch.testing.assert_close(learned["weights", "weight"][i], q, rtol=1e-10, atol=1e-12)
+
+
+@torch.no_grad()
+def test_no_two_q_lambdas_are_the_same() -> None:
+    """On labels that overlap, where the readings differ too."""
+    settings = config("machine.dtype=float64", "lam=0.7", "epsilon=0.3")
+    run = make_runs(settings, 8)
+    weights = {}
+    for variant, trace in product(VARIANTS, TRACES):
+        rule = (f"variant={variant}", f"trace={trace}", "window=3")
+        program = make_program(config("machine.dtype=float64", *rule), run)
+        weights[variant, trace] = advance(program, run, 28)["weights", "weight"]
+    kept = torch.stack([*weights.values()]).flatten(1)
+    apart = (kept.unsqueeze(0) - kept.unsqueeze(1)).abs().amax(-1) + torch.eye(len(kept))
+    assert apart.min() > 1e-3
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@torch.no_grad()
+def test_a_window_as_long_as_the_episode_is_the_gradient_trace(variant: str) -> None:
+    settings = ("machine.dtype=float64", "lam=0.9", f"variant={variant}")
+    run = make_runs(config(*settings), 4)
+    learned = [
+        advance(make_program(config(*settings, *trace), run), run, 45)["weights", "weight"]
+        for trace in (("trace=gradient",), ("trace=window", "window=14"))
+    ]
+    torch.testing.assert_close(*learned, rtol=1e-11, atol=1e-13)
+
+
+@pytest.mark.parametrize(("variant", "trace"), [*product(VARIANTS, TRACES)])
+@torch.no_grad()
+def test_without_lambda_every_q_lambda_is_q_learning(variant: str, trace: str) -> None:
+    settings = ("machine.dtype=float64", "lam=0")
+    run = make_runs(config(*settings), 4)
+    rule = (f"variant={variant}", f"trace={trace}")
+    learned = [
+        advance(make_program(config(*settings, *rule), run), run, 45)["weights", "weight"]
+        for rule in ((), rule)
+    ]
+    torch.testing.assert_close(*learned, rtol=1e-11, atol=1e-13)
 
 
 def test_the_table_has_learned_something(tables: dict[str, torch.Tensor]) -> None:
@@ -88,20 +164,26 @@ def test_the_table_has_learned_something(tables: dict[str, torch.Tensor]) -> Non
     assert (tables["alpha"][:, -1] < tables["alpha"][:, 0]).all()
 
 
-CHANGES = {"seed": 99, "lam": 0.9, "alpha": 0.2, "alpha_decay": 0.5, "gamma": 0.8, "epsilon": 0.6}
+CHANGES = {"seed": 99, "lam": 0.9, "alpha": 0.2, "alpha_decay": 0.5, "gamma": 0.8}
+AMOUNTS = {"epsilon": 0.6, "temperature": 1.0, "noise_std": 1.0}
 
 
-def test_every_value_of_a_run_acts_on_that_run_alone() -> None:
-    settings = config()
-    assert set(CHANGES) == set(PER_RUN)
+@pytest.mark.parametrize("exploration", EXPLORATIONS)
+def test_every_value_of_a_run_acts_on_that_run_alone(exploration: str) -> None:
+    settings = config(f"exploration={exploration}")
+    assert CHANGES.keys() | AMOUNTS.keys() == set(PER_RUN)
     base = make_runs(settings, 12)
     changed = base.clone()
-    for lane, (key, value) in enumerate(CHANGES.items()):
+    amount = EXPLORATIONS[exploration]
+    for key in AMOUNTS.keys() - {amount}:
+        changed[key] += 0.1  # is another policy's
+    for lane, (key, value) in enumerate((CHANGES | {amount: AMOUNTS[amount]}).items()):
         changed[key][lane] = value
     program = make_program(settings, base)
     before, after = (advance(program, run, 80)["weights", "weight"] for run in (base, changed))
     differs = (before != after).flatten(1).any(1).tolist()
-    assert differs == [True] * len(CHANGES) + [False] * (12 - len(CHANGES))
+    changes = len(CHANGES) + 1
+    assert differs == [True] * changes + [False] * (12 - changes)
 
 
 @torch.no_grad()
@@ -148,19 +230,28 @@ def test_no_two_entries_of_the_first_state_share_memory() -> None:
     assert len({leaf.data_ptr() for leaf in leaves}) == len(leaves)
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        (),
+        ("variant=watkins", "trace=window", "window=3", "exploration=boltzmann"),
+        ("variant=naive", "trace=replacing", "exploration=noise"),
+    ],
+    ids=" ".join,
+)
 @torch.no_grad()
-def test_a_step_traced_is_the_step() -> None:
+def test_a_step_traced_is_the_step(options: tuple[str, ...]) -> None:
     """What a compiled loop is made of: a graph from plain tensors to plain tensors."""
-    settings = config("machine.dtype=float64")
+    settings = config("machine.dtype=float64", *options)
     run = make_runs(settings, 3)
     program = make_program(settings, run)
-    graph = trace(program.step, run, program.begin(run))
+    graph = graphs.trace(program.step, run, program.begin(run))
     state = advance(program, run, 9)
     for _ in range(6):  # an end is among them
-        before = leaves(state)
-        traced = graph(*leaves(run).values(), *before.values())
+        before = graphs.leaves(state)
+        traced = graph(*graphs.leaves(run).values(), *before.values())
         state = program.step(run, state)
-        expected = leaves(state)
+        expected = graphs.leaves(state)
         for key, value in zip(before, traced, strict=True):
             torch.testing.assert_close(value, expected[key], rtol=1e-12, atol=1e-14, msg=key)
     assert state["situations"].max() > 0

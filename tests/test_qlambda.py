@@ -3,7 +3,10 @@ import torch
 from torch import Tensor
 
 from fnnq_torchrl.qlambda import (
+    Rule,
     credit,
+    credit_replacing,
+    credit_window,
     decayed_step_size,
     squared_norm,
     step_h_scale,
@@ -58,8 +61,8 @@ def test_one_step_of_credit_by_hand() -> None:
     direction, after = credit(
         trace,
         gradient,
-        td_error=real(-1.0, -1.0, -1.0),
-        chosen_td_error=real(2.0, 2.0, 2.0),
+        past_error=real(-1.0, -1.0, -1.0),
+        present_error=real(2.0, 2.0, 2.0),
         decay=real(0.5, 0.0, 0.5),
         scale=real(2.0, 2.0, 2.0),
         goes_on=real(1.0, 1.0, 0.0),
@@ -79,6 +82,47 @@ def test_where_nothing_can_raise_the_output_nothing_is_added() -> None:
     assert torch.equal(step_h_scale(flat_for_the_first_run, "output"), real(0.0, 1 / 25))
 
 
-def test_the_pure_function_knows_no_third_reading() -> None:
-    with pytest.raises(ValueError, match="'ouput': must be output or gradient"):
-        step_h_scale([real(1.0).unsqueeze(0)], "ouput")
+def test_a_replacing_trace_by_hand() -> None:
+    # e fades from (2, −4, 0.5) to (1, −2, 0.25), and f = (0.5, −3, 0.25).
+    trace, gradient = (real(*x).view(3, 1) for x in ((2.0, -4.0, 0.5), (0.5, -3.0, 0.25)))
+    errors = real(-1.0), real(2.0)
+    for at_once, direction in ((False, (0.0, -4.0, 0.25)), (True, (2.0, -6.0, 0.5))):
+        found, after = credit_replacing(
+            trace, gradient, *errors, real(0.5), real(1.0), at_once=at_once
+        )
+        # −(1, −2, 0.25) + 2f, or 2·(1, −3, 0.25).
+        assert found.flatten().tolist() == list(direction)
+        assert after.flatten().tolist() == [1.0, -3.0, 0.25]
+        _, over = credit_replacing(trace, gradient, *errors, real(0.5), real(0.0), at_once=at_once)
+        assert (over == 0).all()
+
+
+def test_a_window_by_hand() -> None:
+    # One weight, two steps kept: 8 one step ago, 4 two steps ago; γλ = 0.5. Runs: going on; cut
+    # before this step; at an end.
+    gradients = real(8.0, 4.0).view(2, 1, 1).expand(2, 1, 3)
+    direction, after = credit_window(
+        gradients,
+        real(1.0).view(1, 1).expand(1, 3),
+        past_error=real(-1.0, -1.0, -1.0),
+        present_error=real(2.0, 2.0, 2.0),
+        decay=real(0.5, 0.5, 0.5),
+        keeps=real(1.0, 0.0, 1.0),
+        goes_on=real(1.0, 1.0, 0.0),
+    )
+    # −(0.5·8 + 0.25·4) + 2·1; the oldest is dropped.
+    assert direction.flatten().tolist() == [-3.0, 2.0, -3.0]
+    assert after.squeeze(1).tolist() == [[1.0, 1.0, 0.0], [8.0, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"trace": "ouput"}, "trace='ouput': must be output, gradient, replacing or window"),
+        ({"variant": "peg"}, "variant='peg': must be peng, watkins or naive"),
+        ({"window": 0}, "window=0: must be at least 1"),
+    ],
+)
+def test_there_is_no_other_rule(wrong: dict[str, str | int], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Rule(**wrong)

@@ -31,7 +31,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built
 
 
-def test_holds_both_packages_and_the_configuration(wheel: Path) -> None:
+def test_holds_the_packages_and_the_configuration(wheel: Path) -> None:
     sources = {
         path.relative_to(ROOT).as_posix()
         for folder, pattern in (

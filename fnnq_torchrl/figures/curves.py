@@ -1,7 +1,7 @@
-"""Pictures, drawn from result files alone. The only module that imports matplotlib."""
+"""Learning curves: the score against the learning situations."""
 
 from collections.abc import Sequence
-from itertools import cycle, product
+from itertools import cycle
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,21 +11,26 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression
 
-from fnnq_torchrl.atomic import atomic_write
+from fnnq_torchrl.experiments import Experiment
 from fnnq_torchrl.results import CONFIDENCE, Evaluations, read_evaluations
 from fnnq_torchrl.stats import MeanInterval, mean_interval
 
-# Okabe and Ito's colours, safe for the colour-blind, but for the yellow, too pale on white.
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-# When the colours are used up, they come again with another line.
-_LINES = [(colour, style) for style, colour in product(("-", "--", ":", "-."), _COLOURS)]
-_WIDTH_IN, _HEIGHT_IN, _DPI = 7.0, 4.2, 160
-_LABEL_PT = 9.0
+from .style import (
+    LABEL_PITCH_PT,
+    LABEL_PT,
+    LINES,
+    count_words,
+    label_ends,
+    new_figure,
+    quiet_grid,
+    save,
+)
+from .words import key_words, setting_words
+
+_WIDTH_IN, _HEIGHT_IN = 7.0, 4.2
 _SHORT_LABEL = 10  # letters that a picture of the usual width has room for
 _MOST_LABELS = 20  # more lines and bands can't be told apart
-_LABEL_PITCH_PT = 1.35 * _LABEL_PT  # from one label's middle to the next one's, at least
 
 
 def learning_curve(evaluations_csv: Path, picture: Path, best: int | None = None) -> None:
@@ -41,16 +46,33 @@ def learning_curve(evaluations_csv: Path, picture: Path, best: int | None = None
         OSError: a file cannot be read or written.
         ValueError: the result file is foreign or damaged, or the format is unknown.
     """
-    _save(learning_curve_figure(read_evaluations(evaluations_csv), best), picture)
+    save(learning_curve_figure(read_evaluations(evaluations_csv), best), picture)
 
 
 def learning_curve_figure(evaluations: Evaluations, best: int | None = None) -> Figure:
     """Draw what :func:`learning_curve` writes, with its ``best``."""
     curves = [
-        Curve(f"λ = {lam:g}", evaluations.situations, evaluations.catches[evaluations.lam == lam])
+        Curve(
+            setting_words("lam", float(lam)),
+            evaluations.situations,
+            evaluations.catches[evaluations.lam == lam],
+        )
         for lam in np.unique(evaluations.lam)
     ]
     return curves_figure(curves, "values of λ", best)
+
+
+def experiment_curves_figure(experiment: Experiment, key: str) -> Figure:
+    """Draw a curve and a band for each job of an experiment that varies one key."""
+    curves = [
+        Curve(
+            setting_words(key, job.settings[key]),
+            job.evaluations.situations,
+            job.evaluations.catches,
+        )
+        for job in experiment.jobs
+    ]
+    return curves_figure(curves, f"values of {key_words(key)}", experiment.jobs[0].best)
 
 
 class Curve(NamedTuple):
@@ -79,12 +101,7 @@ def sweep_curves(curves: Sequence[Curve], of: str, picture: Path, best: int) -> 
         OSError: the file cannot be written.
         ValueError: the format is unknown.
     """
-    _save(curves_figure(curves, of, best), picture)
-
-
-def _save(figure: Figure, picture: Path) -> None:
-    with atomic_write(picture) as file:
-        figure.savefig(file, format=picture.suffix.removeprefix("."), dpi=_DPI)
+    save(curves_figure(curves, of, best), picture)
 
 
 def curves_figure(curves: Sequence[Curve], of: str, best: int | None = None) -> Figure:
@@ -102,21 +119,18 @@ def curves_figure(curves: Sequence[Curve], of: str, best: int | None = None) -> 
     others = [curves[i] for i in by_score[_MOST_LABELS:]]
     intervals = [mean_interval(curve.catches, confidence=CONFIDENCE) for curve in labelled]
     # Tall enough for all labels, one above the other; wide enough for the longest.
-    height_in = max(_HEIGHT_IN, 1.6 + len(labelled) * _LABEL_PITCH_PT / 72)
+    height_in = max(_HEIGHT_IN, 1.6 + len(labelled) * LABEL_PITCH_PT / 72)
     longest = max(len(curve.label) for curve in labelled)
-    width_in = _WIDTH_IN + max(0, longest - _SHORT_LABEL) * 0.6 * _LABEL_PT / 72
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    width_in = _WIDTH_IN + max(0, longest - _SHORT_LABEL) * 0.6 * LABEL_PT / 72
     title, caption = _titles(curves, of, intervals)
     if others:
         caption += f"\ngrey: the other {len(others):,}, which scored less"
-    figure.suptitle(title, fontsize=12)
-    figure.supxlabel(caption, fontsize=8.5, color="0.35")
-
+    figure = new_figure(width_in, height_in, title, caption)
     axes = figure.add_subplot()
     _set_score_axis(axes, best, highest_seen=max(int(curve.catches.max()) for curve in curves))
     _set_situations_axes(axes, max((curve.situations for curve in curves), key=lambda s: s[-1]))
     for curve, (mean, low, high), (colour, style) in zip(
-        labelled, intervals, cycle(_LINES), strict=False
+        labelled, intervals, cycle(LINES), strict=False
     ):
         axes.plot(curve.situations, mean, color=colour, linestyle=style, linewidth=1.4)
         axes.fill_between(curve.situations, low, high, color=colour, alpha=0.3, linewidth=0)
@@ -125,21 +139,19 @@ def curves_figure(curves: Sequence[Curve], of: str, best: int | None = None) -> 
         points = np.stack([curve.situations, curve.catches.mean(axis=0)], axis=1)
         axes.add_collection(LineCollection([points], color="0.85", linewidth=0.8, zorder=1.5))
     figure.draw_without_rendering()  # lays out, which gives the axes their height
-    _label_ends(axes, labelled, ends=np.array([mean[-1] for mean, _, _ in intervals]))
+    label_ends(axes, [curve.label for curve in labelled])
     return figure
 
 
 def _titles(curves: Sequence[Curve], of: str, intervals: Sequence[MeanInterval]) -> tuple[str, str]:
     """Say what the picture shows, and what its lines and bands are."""
-    runs = {len(curve.catches) for curve in curves}
-    least, most = min(runs), max(runs)
-    number = f"{most:,}" if least == most else f"{least:,} to {most:,}"
-    over = f"{number} run{'s' if most > 1 else ''}"
+    runs = [len(curve.catches) for curve in curves]
+    over = count_words(runs)
     if len(curves) == 1:
         title = f"Learning curve for {curves[0].label}, {over}"
     else:
         title = f"Learning curves for {len(curves):,} {of}, {over} each"
-    if most == 1:
+    if max(runs) == 1:
         return title, "line: a single run, which has no confidence interval"
     # In figures too, since over many runs the band is too narrow to be seen.
     widest = np.nanmax([np.nanmax(interval.high - interval.low) for interval in intervals]) / 2
@@ -154,8 +166,7 @@ def _set_score_axis(axes: Axes, best: int | None, highest_seen: int) -> None:
     axes.set_ylim(0, 1.02 * (best or max(highest_seen, 1)))
     axes.set_ylabel("score (catches)" if best is None else f"score (catches of {best})")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.grid(color="0.9")
-    axes.set_axisbelow(True)
+    quiet_grid(axes)
 
 
 def _set_situations_axes(axes: Axes, situations: NDArray[np.int64]) -> None:
@@ -170,48 +181,3 @@ def _set_situations_axes(axes: Axes, situations: NDArray[np.int64]) -> None:
     above = axes.secondary_xaxis("top")
     above.set_xticks(situations[ticks], labels=[str(tick) for tick in ticks])
     above.set_xlabel("evaluations")
-
-
-def _label_ends(axes: Axes, curves: Sequence[Curve], ends: NDArray[np.float64]) -> None:
-    """Write each line's label beside its last score, ``[lines]``, and link the two."""
-    low, high = axes.get_ylim()
-    height_pt = axes.get_window_extent().height * 72 / axes.figure.dpi
-    heights = spread(ends, _LABEL_PITCH_PT * (high - low) / height_pt, low, high)
-    beside = axes.get_yaxis_transform()  # x in widths of the axes, y in scores
-    for line, curve, end, height in zip(axes.lines, curves, ends, heights, strict=True):
-        link = {"arrowstyle": "-", "color": line.get_color(), "relpos": (0.0, 0.5), "shrinkB": 0}
-        axes.annotate(
-            curve.label,
-            xy=(curve.situations[-1] / axes.get_xlim()[1], end),
-            xytext=(1.03, height),
-            xycoords=beside,
-            textcoords=beside,
-            fontsize=_LABEL_PT,
-            color=line.get_color(),
-            verticalalignment="center",
-            annotation_clip=False,
-            arrowprops=link,
-        )
-
-
-def spread(
-    heights: NDArray[np.float64], gap: float, low: float, high: float
-) -> NDArray[np.float64]:
-    """Move heights as little as possible (least squares) until all are ``gap`` apart.
-
-    Args:
-        heights: where they would be, ``[n]``, in any order; their order is kept.
-        gap: least distance of two neighbours.
-        low: lower bound for the moved heights.
-        high: upper bound for them, no less than n − 1 gaps above the lower.
-
-    Returns:
-        The moved heights, ``[n]``.
-    """
-    order = np.argsort(heights, kind="stable")
-    room = gap * np.arange(heights.size)
-    # Less the room that the ones below it need, each must only not fall: isotonic regression.
-    moved = isotonic_regression(heights[order] - room).x
-    result = np.empty_like(moved)
-    result[order] = np.clip(moved, low, high - room[-1]) + room
-    return result

@@ -1,0 +1,82 @@
+"""What figures and pages call a setting."""
+
+from typing import Any
+
+from fnnq_torchrl.config import EXPLORATIONS
+from fnnq_torchrl.experiments import Experiment, Job
+
+_KEYS = {  # with their units
+    "lam": ("λ", ""),
+    "alpha": ("α", ""),
+    "alpha_decay": ("decay of α", ""),
+    "epsilon": ("ε", ""),
+    "temperature": ("temperature", ""),
+    "noise_std": ("σ", ""),
+    "env.speed_mps": ("V₀", "m/s"),
+    "env.bearing_noise_rad": ("sensor noise", "rad"),
+    "action.candidates": ("candidate actions", ""),
+    "value.width": ("second number of a label", ""),
+    "window": ("steps", ""),
+}
+_VALUES = {
+    "epsilon_greedy": "ε-greedy",
+    "boltzmann": "Boltzmann",
+    "noise": "additive noise",
+    "peng": "Peng",
+    "watkins": "Watkins",
+    "naive": "naive",
+    "window": "finite window",
+    "output": "step h by output",
+    "gradient": "step h by gradient",
+    "replacing": "replacing trace",
+    "sigma": "σ",
+    "variance": "σ²",
+}
+
+
+def key_words(key: str) -> str:
+    """A key, as an axis calls it: with its unit."""
+    name, unit = _KEYS.get(key, (key, ""))
+    return f"{name} ({unit})" if unit else name
+
+
+def value_words(value: Any) -> str:
+    """A value, as a tick calls it."""
+    if isinstance(value, float | int) and not isinstance(value, bool):
+        return f"{value:g}"
+    return _VALUES.get(value, str(value))
+
+
+def setting_words(key: str, value: Any) -> str:
+    """A key with its value: «V₀ = 0.3 m/s»; of what names itself, only the value: «Peng»."""
+    if isinstance(value, str) and key not in _KEYS:
+        return value_words(value)
+    name, unit = _KEYS.get(key, (key, ""))
+    return f"{name} = {value_words(value)} {unit}".rstrip()
+
+
+def job_words(experiment: Experiment, job: Job, without: str | None = None) -> str:
+    """What sets a job apart from the others of its experiment.
+
+    Args:
+        experiment: the job's.
+        job: one of its jobs.
+        without: a key to leave out, because colours or an axis show it.
+    """
+    settings = job.settings
+    idle = set(EXPLORATIONS.values()) - {EXPLORATIONS[settings["exploration"]]}
+    if settings["trace"] != "window":
+        idle.add("window")
+    keys = [key for key in experiment.varied if key != without and key not in idle]
+    return ", ".join(setting_words(key, settings[key]) for key in keys)
+
+
+def change_words(experiment: Experiment, job: Job, without: str | None = None) -> str:
+    """How a job differs from the first of its experiment; «default» where it doesn't."""
+    first = experiment.jobs[0].settings
+    changes = [
+        setting_words(key, job.settings[key])
+        for key in experiment.varied
+        if key != without and job.settings[key] != first[key]
+    ]
+    return ", ".join(changes) or "default"

@@ -1,0 +1,111 @@
+"""Result files of experiments that were never run, for figures and the reproduction's page."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fnnq_torchrl.compose import load_config
+from fnnq_torchrl.results import Evaluations, write_evaluations
+
+Settings = dict[str, Any]
+Level = Callable[[Settings], float]
+"""The score, of 5, at which the runs of a job with these settings end up."""
+
+
+@cache
+def _default() -> str:
+    return json.dumps(asdict(load_config()))
+
+
+def _settings(overrides: tuple[str, ...], runs: int) -> Settings:
+    settings = json.loads(_default()) | {"num_seeds": runs}
+    for override in overrides:
+        key, _, text = override.partition("=")
+        *groups, name = key.split(".")
+        node = settings
+        for group in groups:
+            node = node[group]
+        node[name] = type(node[name])(text)
+    return settings
+
+
+def invented(settings: Settings, level: float) -> Evaluations:
+    """Runs that rise to a level of score, each with chances of its own."""
+    runs, every = settings["num_seeds"], settings["evaluation"]["every"]
+    situations = every * np.arange(settings["situations"] // every + 1)
+    rng = np.random.default_rng([runs, int(1000 * level)])
+    own = rng.normal(0, 0.05, size=(runs, 1))
+    chance = np.clip(level / 5 + own, 0, 1) * (1 - np.exp(-situations / (4 * every)))
+    return Evaluations(
+        seed=np.arange(runs),
+        lam=np.full(runs, settings["lam"]),
+        situations=situations,
+        steps=60 * np.tile(situations, (runs, 1)),
+        catches=rng.binomial(5, chance),
+    )
+
+
+def write_experiment(
+    sweep: Path, jobs: list[tuple[str, ...]], level: Level, runs: int = 22
+) -> None:
+    """A sweep's directory with a job for each tuple of overrides."""
+    for number, overrides in enumerate(jobs):
+        settings = _settings(overrides, runs)
+        directory = sweep / str(number)
+        (directory / ".hydra").mkdir(parents=True)
+        (directory / ".hydra" / "config.yaml").write_text(json.dumps(settings))
+        evaluations = invented(settings, level(settings))
+        write_evaluations(directory / "evaluations.csv", evaluations)
+        (directory / "summary.json").write_text("{}")  # says that the job has finished
+
+
+def grid(values: Mapping[str, str], *common: str) -> list[tuple[str, ...]]:
+    """All combinations of the keys' values, which are separated by commas."""
+    sweeps = [[f"{key}={value}" for value in text.split(",")] for key, text in values.items()]
+    return [(*common, *job) for job in product(*sweeps)]
+
+
+LAMS = "0,0.1,0.2,0.4,0.7,0.8,1"
+EXPERIMENTS = {
+    "fig2": grid({"lam": "0,0.1,0.4,0.8"}),
+    "fig3": grid({"lam": "0,0.2"}),
+    "traces": grid({"trace": "output,gradient", "lam": LAMS}),
+    "decay": grid({"alpha": "0.1,0.4", "alpha_decay": "0.9,0.97,0.99,0.997,1"}),
+    "exploration": [
+        *grid({"epsilon": "0,0.1,0.3"}, "exploration=epsilon_greedy"),
+        *grid({"temperature": "0.01,0.1"}, "exploration=boltzmann"),
+        *grid({"noise_std": "0.1,1"}, "exploration=noise"),
+    ],
+    "variants": [
+        *grid({"variant": "peng,watkins", "trace": "output,replacing", "lam": "0.2,0.8"}),
+        *grid({"window": "1,5", "lam": "0.2,0.8"}, "trace=window"),
+    ],
+    "open_choices": [
+        *grid({"lam": "0,0.2"}),
+        *grid({"env.speed_mps": "0.2,0.4", "lam": "0,0.2"}),
+        *grid({"env.bearing_noise_rad": "0,0.05", "lam": "0,0.2"}),
+        *grid({"action.candidates": "5,101", "lam": "0,0.2"}),
+        *grid({"value.width": "variance", "lam": "0,0.2"}),
+        *grid({"trace": "gradient", "lam": "0,0.2"}),
+        *grid({"alpha_decay": "0.97,1", "lam": "0,0.2"}),
+    ],
+}
+EXPERIMENTS |= {
+    "fig2_large": EXPERIMENTS["fig2"],
+    "fig3_large": EXPERIMENTS["fig3"],
+    "decay_large": grid({"alpha_decay": "0.9,0.97,0.99,0.997,1"}),
+}
+
+
+def paper_level(settings: Settings) -> float:
+    """As the paper has it: λ = 0.2 is best, and the more beyond it, the worse."""
+    lam = settings["lam"]
+    if settings["trace"] != "output":
+        return 3.7 - 0.8 * lam
+    return 4.5 - 4 * abs(lam - 0.2) + 0.5 * (lam <= 0.1)

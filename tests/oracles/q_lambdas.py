@@ -1,0 +1,76 @@
+"""The Q(λ)s beside Peng's, for a table of states × actions, in the order of their own sources.
+
+Watkins' and naive Q(λ): R. S. Sutton, A. G. Barto, "Reinforcement learning", 1998, fig. 7.14 and
+section 7.6. The trace counts the present pair before it is used, so all pairs get αδ′e. Peng's: the
+paper's Table 1, where it counts it afterwards.
+"""
+
+from collections.abc import Iterator
+from itertools import islice
+
+from .peng import Learned, Table, World, epsilon_greedy
+
+Visits = list[tuple[int, int]]  # of this episode, the latest first
+
+
+def q_lambda(
+    world: World,
+    states: int,
+    actions: int,
+    *,
+    variant: str,
+    trace: str,
+    window: int,
+    lam: float,
+    alpha: float,
+    alpha_decay: float,
+    gamma: float,
+    epsilon: float,
+) -> Iterator[Learned]:
+    """Steps for ever. The trace is worked out anew each time, from the pairs that were visited."""
+    q = [[0.0] * actions for _ in range(states)]
+    episode = 0
+    while True:
+        state, chance = world.start(episode)
+        visits: Visits = []
+        step, done = 0, False
+        while not done:
+            action = epsilon_greedy(q[state], epsilon, chance)
+            if variant == "watkins" and q[state][action] < max(q[state]):
+                visits = []
+            step += 1
+            reward, after, terminated, done, chance = world.move(state, action, episode, step)
+            target = reward + (0.0 if terminated else gamma * max(q[after]))
+            error, chosen_error = target - max(q[state]), target - q[state][action]
+            if variant == "peng":
+                e = eligibility(visits, states, actions, trace, window, gamma * lam)
+                step_size = [[alpha * gamma * lam * error * x for x in row] for row in e]
+                step_size[state][action] += alpha * chosen_error
+            else:
+                seen = [(state, action), *visits]
+                # A window's steps are those before the present one.
+                e = eligibility(seen, states, actions, trace, window + 1, gamma * lam)
+                step_size = [[alpha * chosen_error * x for x in row] for row in e]
+            q = [
+                [a + b for a, b in zip(*rows, strict=True)]
+                for rows in zip(q, step_size, strict=True)
+            ]
+            visits = [] if done else [(state, action), *visits]
+            if reward > 0:
+                alpha = alpha_decay * alpha
+            yield Learned([*map(list.copy, q)], [], alpha)
+            state = after
+        episode += 1
+
+
+def eligibility(
+    visits: Visits, states: int, actions: int, trace: str, window: int, decay: float
+) -> Table:
+    """Of every pair: the sum of (γλ)ᵏ over its visits k steps ago, or only the latest of them."""
+    e = [[0.0] * actions for _ in range(states)]
+    for k, (state, action) in enumerate(islice(visits, window if trace == "window" else None)):
+        share = decay**k
+        e[state][action] = (
+            max(e[state][action], share) if trace == "replacing" else (e[state][action] + share)
+        )
+    return e
