@@ -20,7 +20,7 @@ run: install  ## train 22 runs with λ = 0.2
 	$(BIN)/python -m fnnq_torchrl.train lam=0.2 num_seeds=22
 
 figures: install  ## the paper's figures and ours, 22 seeds each, into outputs/figures
-	for name in fig2 fig3 traces decay exploration variants; do $(EXPERIMENT) +experiment=$$name || exit; done
+	printf '%s\n' variants exploration traces decay fig2 fig3 | xargs -P 2 -I {} $(EXPERIMENT) +experiment={}
 	$(BIN)/python -m fnnq_torchrl.figures fig2 fig3 traces readings decay exploration variants
 
 reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 seeds (SEEDS=1000: those of all else)

@@ -86,8 +86,8 @@ def main() -> None:
         trainer.learn()
         learned = Learned(
             steps=trainer.learning_steps,
-            seconds=trainer.train_seconds,
-            compile_seconds=trainer.compile_seconds,
+            seconds=trainer.ledger.seconds["train"],
+            compile_seconds=trainer.ledger.seconds["compile"],
             resident_bytes=resident,
             peak_bytes=memory_bytes("VmHWM"),
         )

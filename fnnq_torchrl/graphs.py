@@ -7,8 +7,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torch._decomp import core_aten_decompositions, get_decompositions
-from torch._functorch.compile_utils import fx_graph_cse
-from torch.fx import GraphModule, Node
+from torch.fx import GraphModule
 from torch.fx.experimental.proxy_tensor import make_fx
 
 from fnnq_torchrl.layout import runs_first, runs_last
@@ -52,7 +51,7 @@ def trace(step: Step, stays: TensorDictBase, state: TensorDictBase) -> GraphModu
         _allow_non_fake_inputs=True,
     )
     with torch.no_grad():
-        return _without_repetitions(graph(*fixed.values(), *carried.values()))
+        return graph(*fixed.values(), *carried.values())
 
 
 def _check_alike(before: dict[str, Tensor], after: dict[str, Tensor]) -> None:
@@ -68,25 +67,6 @@ def _check_alike(before: dict[str, Tensor], after: dict[str, Tensor]) -> None:
     over = before.get("over")
     if over is not None and (over.dtype is not torch.bool or over.shape[:-1] != (1,)):
         raise ValueError(f"over: {over.dtype} {list(over.shape)}: must be bool [lanes, 1]")
-
-
-def _without_repetitions(graph: GraphModule) -> GraphModule:
-    """What policy, loss and gradient each compute, computed once."""
-    if any(_writes_in_place(node) for node in graph.graph.nodes):
-        return graph  # equal operations may then have different results
-    first: dict[object, Node] = {}
-    for constant in graph.graph.find_nodes(op="get_attr"):
-        if (same := first.setdefault(constant.target, constant)) is not constant:
-            constant.replace_all_uses_with(same)
-    graph.graph = fx_graph_cse(graph.graph)
-    graph.graph.eliminate_dead_code()
-    graph.recompile()
-    return graph
-
-
-def _writes_in_place(node: Node) -> bool:
-    schema = getattr(node.target, "_schema", None)
-    return schema is not None and bool(schema.is_mutable)
 
 
 def _cumsum(tensor: Tensor, dim: int, *, dtype: torch.dtype | None = None) -> Tensor:

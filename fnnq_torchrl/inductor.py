@@ -6,9 +6,11 @@ from typing import Any
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
+from torch._functorch.compile_utils import fx_graph_cse
 from torch._higher_order_ops.while_loop import while_loop
 from torch._inductor import config
 from torch._inductor.exc import CppCompileError, InductorError, InvalidCxxCompiler
+from torch.fx import GraphModule, Node
 
 from fnnq_torchrl.config import ConfigError
 from fnnq_torchrl.graphs import leaves, nested, trace
@@ -47,7 +49,7 @@ class InductorLoop:
     any_lanes = False
 
     def __init__(self, make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> None:
-        body = trace(make_step(len(state)), stays, state)
+        body = _without_repetitions(trace(make_step(len(state)), stays, state))
 
         def loop(steps: Tensor, fixed: list[Tensor], carried: list[Tensor]) -> list[Tensor]:
             def unfinished(done: Tensor, *carried: Tensor) -> Tensor:
@@ -89,3 +91,22 @@ class _Running:
         fixed, carried = leaves(self.stays), leaves(self.state)
         after = self._run(torch.tensor(steps), [*fixed.values()], [*carried.values()])
         self.state = nested(dict(zip(carried, after, strict=True)), self.state)
+
+
+def _without_repetitions(graph: GraphModule) -> GraphModule:
+    """What policy, loss and gradient each compute, computed once."""
+    if any(_writes_in_place(node) for node in graph.graph.nodes):
+        return graph  # equal operations may then have different results
+    first: dict[object, Node] = {}
+    for constant in graph.graph.find_nodes(op="get_attr"):
+        if (same := first.setdefault(constant.target, constant)) is not constant:
+            constant.replace_all_uses_with(same)
+    graph.graph = fx_graph_cse(graph.graph)
+    graph.graph.eliminate_dead_code()
+    graph.recompile()
+    return graph
+
+
+def _writes_in_place(node: Node) -> bool:
+    schema = getattr(node.target, "_schema", None)
+    return schema is not None and bool(schema.is_mutable)

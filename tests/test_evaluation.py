@@ -53,6 +53,11 @@ def play(
     return ledger.catches
 
 
+def test_evaluations_draw_where_learning_never_comes() -> None:
+    # streams.draw takes episodes below 2³³; a run would have to learn from the first 2³².
+    assert 2**32 <= FIRST_EPISODE < 2**33 - 2**30
+
+
 @pytest.fixture
 def weights() -> Tensor:
     """Of all evaluations of all runs."""

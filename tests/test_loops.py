@@ -15,7 +15,7 @@ from fnnq_torchrl.inductor import InductorLoop
 from fnnq_torchrl.lanes import LANES
 from fnnq_torchrl.learning import Learning
 from fnnq_torchrl.ledger import Ledger
-from fnnq_torchrl.loops import EagerLoop, Loop, MakeLoop, Step
+from fnnq_torchrl.loops import EagerLoop, Loop, MakeLoop, Running, Step
 from fnnq_torchrl.native import NativeLoop, RunsMixed, Unsupported
 from fnnq_torchrl.program import Program
 from fnnq_torchrl.work import work_through
@@ -392,22 +392,34 @@ def test_a_program_of_another_world_is_another(batch: Compiled) -> None:
 
 def test_neither_lanes_nor_workers_matter_to_runs_that_take_turns(batch: Compiled) -> None:
     _, program, loop = batch
-    runs, every, evaluations = 150, config().evaluation.every, 3
+    runs, every, evaluations = 150, config().evaluation.every, 7
     last = every * (evaluations - 1)
     stays = make_runs(config(), runs, situations=last)
+
+    class Counting:
+        any_lanes = True
+
+        def __call__(self, stays: TensorDictBase, state: TensorDictBase) -> Running:
+            lanes.append(len(state))
+            return loop(stays, state)
 
     def learned(workers: int, order: Tensor) -> TensorDict:
         blank = dict(program.loss.value_network.named_parameters())
         with torch.no_grad():
             columns = {key: stays[key][order].flatten().tolist() for key in PER_RUN}
             ledger = Ledger(columns, blank, every, evaluations, tests=1)
-            task = Learning(program, loop, stays[order], ledger, lambda done: None)
+            task = Learning(program, Counting(), stays[order], ledger, done.append)
             work_through(task, task.jobs, len(batch[0]), workers)
         return ledger.book.pages[:, order.argsort()]
 
     in_order, shuffled = torch.arange(runs), torch.randperm(runs, generator=torch.Generator())
+    lanes: list[int] = []
+    done: list[int] = []
     pages = learned(1, in_order)
-    assert (pages["steps"][-1] > 0).all()
+    assert (pages["steps"].diff(dim=0) > 0).all()  # no page is missing
+    assert lanes == [64, 32]  # some are given up when no run waits for them
+    assert done == sorted(done)
+    assert done[-1] == runs * last
     assert not different(learned(2, in_order), pages)
     assert not different(learned(2, shuffled), pages)
 
