@@ -9,7 +9,7 @@ _TEMPLATE = Template("""\
 # Performance
 
 `make bench` measures these figures and writes this page; only "What was tried" is written by hand.
-Measured on $machine. There was no GPU to be had, so there are no figures on one.
+Measured on $machine. $gpu
 
 All are medians of $repetitions repetitions, with the fastest and the slowest; the sides took turns,
 on a machine shared with others.
@@ -24,7 +24,7 @@ $speed
 * *C limit* is the experiment written by hand in C with SIMD, 16 runs at a time in the first-level
   cache. It keeps no snapshots and its random numbers are simpler: not what a library could do, but
   what the machine can.
-* *JAX* is `jit(scan(vmap))`, the way fast JAX code is written (version 0.10.2, on 1,100, 11,000 and
+* *JAX* is `jit(scan(vmap))`, the way fast JAX code is written ($jax, on 1,100, 11,000 and
   50,000 runs). Each of its readings is the best of three.
 * *ours* is `Trainer.learn` with `engine=compiled`, the snapshots for the evaluation included: the
   steps of all runs up to the end of their last situation, over the time until the last run is done,

@@ -24,6 +24,7 @@ from yardsticks import (
     JAX_PYTHON,
     Reading,
     build_c_limit,
+    jax_version,
     measure_c_limit,
     measure_jax,
     nearest,
@@ -169,6 +170,8 @@ def main() -> None:
     measure_sizes(sizes, given.repetitions, given.yardsticks, given.jax)
     sections = {
         "machine": describe_machine(),
+        "gpu": "It has no GPU, so there are no figures on one: they are still to be measured.",
+        "jax": jax_version(),
         "repetitions": str(given.repetitions),
         "speed": speed_table(sizes),
         "compile": compile_table(sizes),

@@ -57,6 +57,12 @@ def measure_jax(folder: Path, python: Path) -> dict[int, Reading]:
         return {}
 
 
+def jax_version() -> str:
+    """As its requirements pin it: ``jax==0.10.2``."""
+    lines = Path(__file__).with_name("jax-requirements.txt").read_text().splitlines()
+    return next(line for line in lines if line.startswith("jax=="))
+
+
 def nearest(readings: dict[int, Reading], runs: int) -> Reading | None:
     """The reading for about so many runs: 1,100 will do for 1,104."""
     found = min(readings, key=lambda size: abs(size - runs), default=0)
