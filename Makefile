@@ -22,6 +22,7 @@ run: install  ## train 22 runs with λ = 0.2
 figures: install  ## the paper's figures and ours, 22 seeds each, into outputs/figures
 	printf '%s\n' variants exploration traces decay fig2 fig3 | xargs -P 2 -I {} $(EXPERIMENT) +experiment={}
 	$(BIN)/python -m fnnq_torchrl.figures fig2 fig3 traces readings decay exploration variants
+	$(BIN)/python -m fnnq_torchrl.reproduction --short
 
 reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 seeds (SEEDS=1000: those of all else)
 	for name in fig2_large fig3_large decay_large; do $(EXPERIMENT) +experiment=$$name || exit; done
@@ -29,7 +30,7 @@ reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 se
 	$(BIN)/python -m fnnq_torchrl.reproduction
 
 test: install  ## the test suite
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n auto
 
 test-wheel: install  ## build the wheel, install it in an empty environment and train from another directory
 	rm -rf dist && $(BIN)/python -m hatchling build -t wheel

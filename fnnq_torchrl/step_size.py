@@ -11,8 +11,8 @@ and a greedy step, whose two errors are the same δ, moves Q(s, a) by f·αδ(γ
     α‖f‖²/(1 − γλ)                 (gradient)
     α(‖f‖² + γλ/(1 − γλ))          (output)
 
-In a table ‖f‖² = 1 and both are α/(1 − γλ). Beyond 1 a step overshoots its target, beyond 2 it ends
-farther from it than it began. Rules that overlap share the firing strength, so ‖f‖² is small: the
+In a table ‖f‖² = 1 and both are α/(1 − γλ). At an end, whose target stays where it is, a step beyond
+1 overshoots it, and one beyond 2 leaves Q farther off than it was. Rules that overlap share the firing strength, so ‖f‖² is small: the
 earlier pairs, not the present one, make the step under ``output``.
 """
 
@@ -53,7 +53,12 @@ def effective_step(norm: Tensor, alpha: float, decay: Tensor, trace: str) -> Ten
         alpha: α.
         decay: γλ, below 1; broadcasts with ``norm``.
         trace: ``output`` or ``gradient``.
+
+    Raises:
+        ValueError: it is neither.
     """
+    if trace not in ("output", "gradient"):
+        raise ValueError(f"trace={trace!r}: must be output or gradient")
     if trace == "gradient":
         return alpha * norm / (1 - decay)
     return alpha * (norm + decay / (1 - decay))

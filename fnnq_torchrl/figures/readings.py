@@ -26,7 +26,7 @@ def readings_figure(experiment: Experiment, measure: str = "mean_score") -> Figu
     figure = new_figure(
         15,
         4.4,
-        f"Why {' and '.join(setting_words('trace', trace) for trace in traces)} differ: "
+        f"{' and '.join(setting_words('trace', trace) for trace in traces)}: "
         "‖f‖², the effective step size, and the score",
         "middle: median over the states and actions on the left, band: 5 to 95 % of them; "
         f"right: mean over {over}, band: its {INTERVAL}",
@@ -83,10 +83,10 @@ def _draw_steps(axes: Axes, experiment: Experiment, norm: np.ndarray) -> None:
         )
         axes.plot(lam, middle, color=colour, linestyle=style, linewidth=1.4)
         axes.fill_between(lam, lowest, highest, color=colour, alpha=0.3, linewidth=0)
-    for height, words in ((1, "overshoots"), (2, "diverges")):
-        axes.hlines(height, lams[0], lams[-1], color=GREY, linewidth=0.8, linestyle=":", zorder=0)
+    for height, words in ((1, "overshoots"), (2, "ends farther off")):
+        axes.hlines(height, lams[0], lams[-1], color=GREY, linewidth=0.8, linestyle=":", zorder=1.5)
         axes.annotate(
-            f"above: a step {words}",
+            f"above: a last step {words}",
             (lams[0], height),
             (3, 3),
             textcoords="offset points",

@@ -4,12 +4,15 @@ import argparse
 import sys
 from pathlib import Path
 
+from rich.console import Console
+from rich.table import Table
+
 from fnnq_torchrl.atomic import atomic_write
 from fnnq_torchrl.experiments import newest_experiment
 from fnnq_torchrl.figures.gallery import draw
 from fnnq_torchrl.report import announce
 
-from .page import EXPERIMENTS, FIGURES, write_page
+from .page import EXPERIMENTS, FIGURES, IN_SHORT, verdicts_in_short, write_page
 
 
 def main() -> None:
@@ -17,8 +20,12 @@ def main() -> None:
     parser = argparse.ArgumentParser("python -m fnnq_torchrl.reproduction", description=__doc__)
     parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
     parser.add_argument("--to", type=Path, default=Path("docs"), help="default: docs")
+    parser.add_argument("--short", action="store_true", help=f"only a table, from {IN_SHORT}")
     arguments = parser.parse_args()
     try:
+        if arguments.short:
+            _print_short(arguments.results)
+            return
         experiments = {name: newest_experiment(arguments.results, name) for name in EXPERIMENTS}
         text = write_page(experiments)
         figures = {name: experiments[source] for name, source in FIGURES.items()}
@@ -29,6 +36,14 @@ def main() -> None:
     except (OSError, ValueError) as error:
         sys.exit(str(error))
     announce(str(page))
+
+
+def _print_short(results: Path) -> None:
+    experiments = {name: newest_experiment(results, name) for name in IN_SHORT}
+    table = Table("the paper says", "our verdict", "from")
+    for claim, verdict, differences in verdicts_in_short(experiments):
+        table.add_row(f"«{claim}»", verdict, "\n".join(differences))
+    Console().print(table)
 
 
 if __name__ == "__main__":

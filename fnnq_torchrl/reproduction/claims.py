@@ -30,7 +30,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim holds if all its comparisons come out as expected."""
+    """A claim holds if all its comparisons come out as expected, in part if some do."""
 
     words: str  # the paper's own
     place: str
@@ -51,7 +51,11 @@ CLAIMS = (
         "For small λs all of them are the same",
         "section 3",
         "λ = 0, 0.1 and 0.2 have the same mean score.",
-        (_lam("mean_score", 0.1, 0, Expected.SAME), _lam("mean_score", 0.2, 0.1, Expected.SAME)),
+        (
+            _lam("mean_score", 0.1, 0, Expected.SAME),
+            _lam("mean_score", 0.2, 0.1, Expected.SAME),
+            _lam("mean_score", 0.2, 0, Expected.SAME),
+        ),
     ),
     Claim(
         "λ = 0.2 seems to be a little better",
@@ -62,7 +66,7 @@ CLAIMS = (
     Claim(
         "when λ is not small, the results degrades significantly",
         "section 3",
-        "λ = 0.4 and 0.8 have a lower mean score than λ = 0.1.",
+        "λ = 0.4 and λ = 0.8 have a lower mean score than λ = 0.1 (it doesn't say which it means).",
         (_lam("mean_score", 0.4, 0.1, Expected.LESS), _lam("mean_score", 0.8, 0.1, Expected.LESS)),
     ),
     Claim(
@@ -74,19 +78,19 @@ CLAIMS = (
     Claim(
         "This improves learning speed considerably",
         "conclusion",
-        "λ = 0.2 has a higher score than λ = 0 soon after learning began.",
+        "λ = 0.2 has a higher score than λ = 0 soon after learning began (how much, d says).",
         (_lam("early_score", 0.2, 0, Expected.MORE),),
     ),
     Claim(
         "the way we decrease α is too important",
         "conclusion",
-        "A decay of 0.9, or none, ends up with another score than 0.99.",
-        (_decay("final_score", 0.9, Expected.OTHER), _decay("final_score", 1, Expected.OTHER)),
+        "The fastest decay tried, 0.9, and none end up with different scores.",
+        (Comparison("final_score", {"alpha_decay": 1}, {"alpha_decay": 0.9}, Expected.OTHER),),
     ),
     Claim(
         "increasing it too fast may lead to sticking in a suboptimal solution",
         "conclusion; we read decreasing",
-        "A decay of 0.9 ends up with a lower score than 0.99.",
+        "On average, a decay of 0.9 ends up with a lower score than 0.99.",
         (_decay("final_score", 0.9, Expected.LESS),),
     ),
     Claim(

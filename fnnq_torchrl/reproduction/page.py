@@ -10,7 +10,7 @@ from fnnq_torchrl.figures.readings import norms
 from fnnq_torchrl.figures.words import change_words, setting_words
 from fnnq_torchrl.measures import MEASURES
 from fnnq_torchrl.results import CONFIDENCE
-from fnnq_torchrl.stats import Interval, bootstrap_interval, paired_difference
+from fnnq_torchrl.stats import Difference, Interval, bootstrap_interval, paired_difference
 from fnnq_torchrl.step_size import effective_step
 
 from .claims import CLAIMS, Claim, Comparison, Settings
@@ -30,6 +30,9 @@ EXPERIMENTS = (
     "open_choices",
 )
 """What the page is written from."""
+
+IN_SHORT = ("fig2", "fig3", "decay")
+"""What the claims can be judged from with few runs."""
 
 FIGURES = {
     "fig2": "fig2_large",
@@ -58,11 +61,15 @@ all.
   differences, *P* the probability that a run of the first scores more than one of the second (draws
   count half), *n* the number of seeds that it takes to see such a difference with a probability of
   80 %.
-* A difference *holds* if its whole interval lies on the claimed side of 0, and *does not* if it
-  reaches across and not as far as {MATTERS} catches on that side. «The same» holds if the interval
+* A claimed difference *holds* if its whole interval lies on the claimed side of 0, *perhaps by less
+  than {MATTERS} catches* if the interval has such values, and *does not* if it reaches across 0, or
+  lies beyond, and has no value of {MATTERS} catches on that side. «The same» holds if the interval
   stays within ±{MATTERS} catches, and does not if it stays out; «another» is the opposite. All else
-  *can't be told*. A claim is as good as the worst of its differences. The {MATTERS} catches are our
-  choice.
+  *can't be told*. A claim of several differences is as good as the worst, and holds *in part* if
+  some do and some don't. The {MATTERS} catches are our choice.
+* Runs of the same seed have little in common, so the *d* of pairs is about the usual one, of two
+  groups, over √2. Each interval stands for itself: of twenty, one misses. With {PAPER_RUNS} runs of
+  scores that can't pass five, intervals are somewhat too narrow.
 """
 
 _READINGS = """## What the two readings of step h do to λ
@@ -81,8 +88,8 @@ under both. So by *output* an earlier pair weighs 1/‖f‖² times what it does
 γλ > ‖f‖² the same error moves the pair before the last *more* than the last itself. In a table
 ‖f‖² = 1, and there is one reading. Here rules overlap and share the firing, and
 
-> ‖f‖² over bearings and actions: median {median:.2f}, 5 to 95 %: {low:.2f} to {high:.2f};
-> {ahead:.2f} at the smallest, near straight ahead, where a robot that follows its ball mostly is.
+> ‖f‖² evenly over bearings and actions: median {median:.2f}, 5 to 95 %: {low:.2f} to {high:.2f};
+> {ahead:.2f} at the smallest, near straight ahead, whither a robot that follows its ball steers.
 
 From one step to the next the robot sees nearly the same. If it sees and does the same for long, the
 decayed trace settles at γλ/(1 − γλ) times what each step adds, and a step takes Q(s, a) towards its
@@ -90,7 +97,8 @@ target by
 
     output:   α(‖f‖² + γλ/(1 − γλ))          gradient:   α‖f‖²/(1 − γλ)
 
-of the error. Beyond 1 it overshoots the target; beyond 2 it ends farther off than it began. With
+of the error. At an end, whose target r stays where it is, a step beyond 1 overshoots, and one
+beyond 2 leaves Q farther off than it was; before, the target moves along with Q. With
 α = {alpha:g} and γ = {gamma:g} that is
 
 {steps}
@@ -128,8 +136,36 @@ def write_page(experiments: Mapping[str, Experiment]) -> str:
     return "\n".join(parts)
 
 
+def verdicts_in_short(experiments: Mapping[str, Experiment]) -> list[tuple[str, str, list[str]]]:
+    """Each claim with its verdict and the differences that it stands on, over all runs.
+
+    Args:
+        experiments: `IN_SHORT` or others that have their configurations.
+
+    Raises:
+        NoResults: a comparison lacks its jobs.
+    """
+    pool = Pool(default_settings(experiments["fig3"], {"lam": 0.2}), experiments.values())
+    rows = []
+    for claim in CLAIMS:
+        found = [compare(pool, comparison, {}, None) for comparison in claim.comparisons]
+        differences = [
+            f"{_comparison(comparison)}: {_interval(each.difference.mean, signed=True)}, "
+            f"{each.runs:,} seeds"
+            for comparison, each in zip(claim.comparisons, found, strict=True)
+        ]
+        rows.append((claim.words, together([each.verdict for each in found]).value, differences))
+    return rows
+
+
 def _summary(rows: Sequence[Sequence[str]]) -> str:
-    head = ["the paper says", "where", f"over {PAPER_RUNS} seeds", "over all", "d"]
+    head = [
+        "the paper says",
+        "where",
+        f"over {PAPER_RUNS} seeds",
+        "over all",
+        "differences over all",
+    ]
     return "## In short\n\n" + _table(head, rows)
 
 
@@ -150,11 +186,15 @@ def _claim(pool: Pool, claim: Claim) -> tuple[list[str], str]:
                     _interval(difference.mean, signed=True),
                     f"{difference.effect:+.2f}",
                     _interval(difference.improvement),
-                    _count(difference.runs_needed),
+                    _count(difference),
                     each.verdict.value,
                 ]
             )
-        effects = [f"{each.difference.effect:+.2f}" for each in found]
+        effects = [
+            f"{words(comparison.ours)} − {words(comparison.theirs)}: "
+            f"{_interval(each.difference.mean, signed=True)}"
+            for comparison, each in zip(claim.comparisons, found, strict=True)
+        ]
         most = min(each.runs for each in found)
     samples, shares = verdict_shares(pool, claim, PAPER_RUNS)
     parts = ", ".join(f"{share:.0%} «{each.value}»" for each, share in shares.items())
@@ -169,7 +209,7 @@ def _claim(pool: Pool, claim: Claim) -> tuple[list[str], str]:
         _elsewhere(pool, claim),
     ]
     summary = [f"«{claim.words}»", claim.place, verdicts[PAPER_RUNS].value]
-    return [*summary, f"{verdicts[None].value} ({most:,})", ", ".join(effects)], "\n".join(lines)
+    return [*summary, f"{verdicts[None].value} ({most:,})", "; ".join(effects)], "\n".join(lines)
 
 
 def _comparison(comparison: Comparison) -> str:
@@ -197,7 +237,8 @@ def _elsewhere(pool: Pool, claim: Claim) -> str:
         f"{start} {'; '.join(choices)}."
         for verdict, start in (
             (Verdict.HOLDS, "It holds with:"),
-            (Verdict.BARELY, f"It holds, by less than {MATTERS} catches, with:"),
+            (Verdict.BARELY, f"It holds, perhaps by less than {MATTERS} catches, with:"),
+            (Verdict.PART, "It holds in part with:"),
             (Verdict.FAILS, "It does not with:"),
             (Verdict.OPEN, "It can't be told with:"),
         )
@@ -301,8 +342,10 @@ def _interval(interval: Interval, signed: bool = False) -> str:
     return f"{value:{sign}.{digits}f}{bounds}"
 
 
-def _count(number: float) -> str:
-    return f"{number:,.0f}" if np.isfinite(number) else "∞" if number > 0 else "–"
+def _count(difference: Difference) -> str:
+    """The seeds that it takes to see a difference, if it is one."""
+    _, low, high = difference.mean
+    return f"{difference.runs_needed:,.0f}" if low > 0 or high < 0 else "–"
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

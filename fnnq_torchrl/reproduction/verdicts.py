@@ -6,6 +6,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from fnnq_torchrl.experiments import NoResults
 from fnnq_torchrl.measures import MEASURES
 from fnnq_torchrl.stats import (
     Difference,
@@ -27,7 +28,8 @@ class Verdict(Enum):
     """What the runs say to a claim."""
 
     HOLDS = "holds"
-    BARELY = f"holds, by less than {MATTERS} catches"
+    BARELY = f"holds, perhaps by less than {MATTERS} catches"
+    PART = "holds in part"
     FAILS = "does not hold"
     OPEN = "can't be told"
 
@@ -48,8 +50,8 @@ class Compared:
 def verdict(low: float, high: float, expected: Expected) -> Verdict:
     """What the confidence interval of a difference says to what is expected of it.
 
-    * more: it holds if the whole interval lies above 0, barely if it also has no difference that
-      matters, and does not if it has none and reaches below 0; less is its mirror image.
+    * more: it holds if the whole interval lies above 0, barely if it has differences that don't
+      matter, and does not if it has none that does; less is its mirror image.
     * the same: it holds if the interval has no difference that matters, and does not if it has
       nothing else; another is its opposite.
 
@@ -59,7 +61,7 @@ def verdict(low: float, high: float, expected: Expected) -> Verdict:
         return verdict(-high, -low, Expected.MORE)
     if expected is Expected.MORE:
         if low > 0:
-            return Verdict.BARELY if high < MATTERS else Verdict.HOLDS
+            return Verdict.HOLDS if low >= MATTERS else Verdict.BARELY
         return Verdict.FAILS if high < MATTERS else Verdict.OPEN
     if low > -MATTERS and high < MATTERS:
         return Verdict.HOLDS if expected is Expected.SAME else Verdict.FAILS
@@ -95,7 +97,9 @@ def compare(pool: Pool, comparison: Comparison, also: Settings, runs: int | None
 
 
 def together(found: list[Verdict]) -> Verdict:
-    """The verdict on a claim of several comparisons, all of which must hold."""
+    """The verdict on a claim of several comparisons: it holds if all do, in part if some do."""
+    if Verdict.FAILS in found and {Verdict.HOLDS, Verdict.BARELY} & {*found}:
+        return Verdict.PART
     for worst in (Verdict.FAILS, Verdict.OPEN, Verdict.BARELY):
         if worst in found:
             return worst
@@ -124,9 +128,13 @@ def verdict_shares(pool: Pool, claim: Claim, runs: int) -> tuple[int, dict[Verdi
 
     Returns:
         The number of samples, and the shares.
+
+    Raises:
+        NoResults: a job is missing, or has fewer runs.
     """
     by_comparison = []
     for comparison in claim.comparisons:
+        _scores(pool, comparison, {}, runs)  # are there so many?
         ours, theirs = _scores(pool, comparison, {}, None)
         samples = (ours - theirs)[: ours.size // runs * runs].reshape(-1, runs)
         _, low, high = mean_interval(samples, axis=1)
@@ -142,6 +150,8 @@ def _scores(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     jobs = [pool.job({**also, **own}) for own in (comparison.ours, comparison.theirs)]
     most = same_seeds(jobs)
+    if runs is not None and runs > most:
+        raise NoResults(f"there are {most:,} runs to compare, fewer than {runs:,}")
     measure = MEASURES[comparison.measure].of
-    ours, theirs = (measure(job.evaluations)[: min(runs or most, most)] for job in jobs)
+    ours, theirs = (measure(job.evaluations)[: runs or most] for job in jobs)
     return ours, theirs
