@@ -11,6 +11,9 @@ from fnnq_torchrl.config import PER_RUN, Config, run_columns
 BATCHABLE = (*PER_RUN, "num_seeds")
 """The keys in which jobs of one batch may differ; in all others they are equal."""
 
+SAVING = ("resume", "checkpoint")
+"""The keys that say how training is saved and gone on with; no result depends on them."""
+
 
 @dataclass(frozen=True)
 class Job:

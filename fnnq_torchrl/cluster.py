@@ -13,6 +13,9 @@ from fnnq_torchrl.results import read_summary
 _SAVE_S = 60.0
 """The longest that saving may take before a task is put back into the queue."""
 
+_MOST_TIMEOUTS = 100
+"""How often a task that comes to its time limit is put back into the queue, to go on."""
+
 
 class BatchTask:
     """What a task of the cluster runs, and runs once more when submitit requeues it.
@@ -26,13 +29,22 @@ class BatchTask:
         self._run_batches, self._pictures = run_batches, pictures
 
     def __call__(self, batch: Sequence[Job]) -> list[Result]:
-        """Train the jobs that have no result yet: none of them, if nothing was interrupted."""
+        """Train the jobs that have no result yet: none of them, if nothing was interrupted.
+
+        Raises:
+            submitit.core.utils.UncompletedJobError: the task came to its time limit too often.
+        """
+        from submitit.core.utils import UncompletedJobError
+
         found = {job.directory: _finished(job) for job in batch}
         missing = [job for job in batch if found[job.directory] is None]
         results: dict[Path, Result] = {
             directory: objective for directory, objective in found.items() if objective is not None
         }
         for new in self._run_batches([missing] if missing else [], pictures=self._pictures):
+            for result in new:
+                if isinstance(result, UncompletedJobError):  # the task's, not the job's
+                    raise result
             results |= zip((job.directory for job in missing), new, strict=True)
         return [results[job.directory] for job in batch]
 
@@ -77,7 +89,12 @@ def run_on_cluster(
             f"{asked}: needs submitit; pip install 'fnnq_torchrl[cluster]'"
         ) from error
     try:
-        executor = submitit.AutoExecutor(folder, cluster=settings.cluster)
+        executor = submitit.AutoExecutor(
+            folder,
+            cluster=settings.cluster,
+            slurm_max_num_timeout=_MOST_TIMEOUTS,
+            local_max_num_timeout=_MOST_TIMEOUTS,
+        )
     except RuntimeError as error:
         raise ConfigError(f"{asked}: {error}") from error
     executor.update_parameters(

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
-from functools import partial
 from itertools import accumulate, pairwise
 from pathlib import Path
 
@@ -16,8 +15,8 @@ from fnnq_torchrl.checkpoint import save_checkpoint
 from fnnq_torchrl.config import Config, ConfigError, OutOfRange
 from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.figures import learning_curve
-from fnnq_torchrl.interruptions import Interruptions
-from fnnq_torchrl.keeper import HandsKeeper
+from fnnq_torchrl.interruptions import Interrupted, Interruptions
+from fnnq_torchrl.keeper import Hand, HandsKeeper
 from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
 from fnnq_torchrl.saved import SavedTraining
@@ -79,7 +78,7 @@ def run_batches(
     for batch in batches:
         try:
             yield _run_batch(batch, pictures)
-        except ConfigError:
+        except (ConfigError, Interrupted):
             raise
         except Exception as error:  # a bug, or too little memory: the other batches may do
             yield [error] * len(batch)
@@ -115,8 +114,12 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
     # Mostly the disk is waited for; but Matplotlib knows one thread only.
     with ThreadPoolExecutor(1 if pictures else _WRITERS) as pool:
         results = [*pool.map(write, others)]
-    results.append(write(last))  # where the training is saved until all is written
-    saved.discard()
+    # The last, where the training is saved, is finished only after all others that can be: whoever
+    # computes again what is missing goes on from there.
+    unwritten = next((result for result in results if isinstance(result, OSError)), None)
+    results.append(unwritten or write(last))
+    if not isinstance(results[-1], OSError):
+        saved.discard()
     return results
 
 
@@ -125,7 +128,16 @@ def _train(trainer: Trainer, saved: SavedTraining) -> Outcome:
     if trainer.config.resume == "auto" and saved.load(trainer.ledger):
         announce(f"going on from {saved.path}")
     with Interruptions(trainer.config.checkpoint.every_s) as interruptions:
-        keeper = HandsKeeper(interruptions, partial(saved.save, trainer.ledger))
+
+        def save(hands: Sequence[Hand]) -> None:
+            try:
+                saved.save(trainer.ledger, hands)
+            except OSError as error:
+                if interruptions.ending:
+                    raise
+                announce(f"going on, but this training can't be saved: {error}")
+
+        keeper = HandsKeeper(interruptions, save)
         with Progress(trainer.situations_to_learn, "learning") as progress:
             trainer.learn(progress.update, keeper)
         with Progress(trainer.situations_to_play, "evaluating") as progress:
@@ -145,6 +157,7 @@ def _write(
 ) -> float:
     directory, config = job.directory, job.config
     evaluations = directory / "evaluations.csv"
+    (directory / "summary.json").unlink(missing_ok=True)  # an earlier one isn't of these files
     save_checkpoint(directory / "checkpoint.pt", weights, outcome.seed, outcome.lam, asdict(config))
     write_evaluations(evaluations, outcome)
     if not finite.all():

@@ -17,14 +17,16 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
-from fnnq_torchrl.batches import Job
+from fnnq_torchrl.batches import BATCHABLE, SAVING, Job
 from fnnq_torchrl.compose import explain, key_of
 from fnnq_torchrl.config import ConfigError, to_config
 
 _WHOLE, _DECIMAL = r"0|[1-9]\d*", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_WHOLES = ("seed", "num_seeds")
+_DECIMALS = [key for key in BATCHABLE if key not in _WHOLES]
 _NUMBERS = [
-    (re.compile(f"(seed|num_seeds)=({_WHOLE})"), int),
-    (re.compile(f"(lam|alpha|alpha_decay|gamma|epsilon)=({_DECIMAL})"), float),
+    (re.compile(f"({'|'.join(_WHOLES)})=({_WHOLE})"), int),
+    (re.compile(f"({'|'.join(_DECIMALS)})=({_DECIMAL})"), float),
 ]
 """The overrides that need no composing; whatever else may be said is Hydra's business."""
 
@@ -134,19 +136,30 @@ class SweptJob:
             saved = (folder / "config.yaml").read_text(encoding="utf-8")
         except FileNotFoundError:
             return False
-        if saved != self.configuration():
-            self._check_saved(saved)
+        if saved != self.configuration() and not self._is_same(saved):
+            return False
         return (self.directory / "summary.json").exists()  # the last file that a job writes
 
-    def _check_saved(self, saved: str) -> None:
-        """That the texts, though not the same, say the same."""
-        ours, theirs = (_flat(yaml.safe_load(text)) for text in (self.configuration(), saved))
+    def _is_same(self, saved: str) -> bool:
+        """Whether the text, though not the same, says the same; false if it says nothing.
+
+        Raises:
+            ConfigError: it says something else.
+        """
+        try:
+            plain = yaml.safe_load(saved)
+        except yaml.YAMLError:
+            plain = None
+        if not isinstance(plain, dict):  # a crash has left it, empty or broken
+            return False
+        ours, theirs = _flat(yaml.safe_load(self.configuration())), _flat(plain)
         for key in ours | theirs:
-            if ours.get(key) != theirs.get(key):
+            if key.partition(".")[0] not in SAVING and ours.get(key) != theirs.get(key):
                 raise ConfigError(
                     f"{self}: {self.directory} holds a job with {key}={theirs.get(key)}, not "
                     f"{key}={ours.get(key)}; name another directory in hydra.sweep.dir"
                 )
+        return True
 
     def touch_logs(self) -> None:
         """Make the log files of a job that had nothing to log."""

@@ -20,8 +20,11 @@ def write_plain(path: Path, form: int, content: dict[str, Any]) -> None:
     Raises:
         OSError: it can't be written.
     """
+    # Not into the file: torch.save would make a RuntimeError of a full disk.
+    data = io.BytesIO()
+    torch.save({"format": form, **content}, data)
     with atomic_write(path) as file:
-        torch.save({"format": form, **content}, file)
+        file.write(data.getbuffer())
 
 
 def read_plain(path: Path, form: int, what: str) -> dict[str, Any]:

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from fnnq_torchrl.batches import BATCHABLE
+import torch
+
+from fnnq_torchrl.batches import BATCHABLE, SAVING
 from fnnq_torchrl.config import Config, ConfigError
 from fnnq_torchrl.keeper import Hand
 from fnnq_torchrl.ledger import Ledger
@@ -15,7 +17,7 @@ FORMAT = 1
 NAME = "training.pt"
 
 # In what learning doesn't depend on; which engine it is tells the identity by itself.
-_NO_MATTER = ("resume", "checkpoint", "engine", *BATCHABLE)
+_NO_MATTER = (*SAVING, "engine", *BATCHABLE)
 
 
 class SavedTraining:
@@ -33,7 +35,8 @@ class SavedTraining:
     def __init__(self, directory: Path, config: Config, engine: str) -> None:
         self.path = directory / NAME
         shared = {key: of for key, of in asdict(config).items() if key not in _NO_MATTER}
-        self._identity = hashlib.sha256(f"{engine} {shared!r}".encode()).hexdigest()
+        identity = f"{torch.__version__} {engine} {shared!r}"
+        self._identity = hashlib.sha256(identity.encode()).hexdigest()
 
     def save(self, ledger: Ledger, hands: Sequence[Hand]) -> None:
         """Write all that is done so far.
@@ -51,24 +54,25 @@ class SavedTraining:
             Whether there is one.
 
         Raises:
-            ConfigError: it is that of another configuration or other runs, or no such file.
+            ConfigError: it is that of another configuration or PyTorch or of other runs, or no
+                such file.
             OSError: it can't be read.
         """
         if not self.path.exists():
             return False
         try:
             content = read_plain(self.path, FORMAT, "a saved training")
-            if content["identity"] != self._identity or not ledger.load_state_dict(
-                content["ledger"]
-            ):
-                raise ConfigError(
-                    f"{self.path} is of another configuration; "
-                    "take another directory, or begin anew with resume=never"
-                )
+            same = content["identity"] == self._identity
+            loaded = same and ledger.load_state_dict(content["ledger"])
         except (AttributeError, IndexError, KeyError, RuntimeError, TypeError) as error:
             raise ConfigError(f"{self.path} is not a complete saved training") from error
         except ValueError as error:
             raise ConfigError(f"{error}; resume=never begins anew") from error
+        if not loaded:
+            raise ConfigError(
+                f"{self.path} is of another configuration or PyTorch; "
+                "take another directory, or begin anew with resume=never"
+            )
         return True
 
     def discard(self) -> None:

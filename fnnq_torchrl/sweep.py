@@ -22,7 +22,14 @@ from fnnq_torchrl.results import (
     read_summary,
 )
 
-_SYMBOLS = {"lam": "λ", "alpha": "α", "gamma": "γ", "epsilon": "ε", "alpha_decay": "α decay"}
+_SYMBOLS = {
+    "lam": "λ",
+    "alpha": "α",
+    "alpha_decay": "α decay",
+    "gamma": "γ",
+    "epsilon": "ε",
+    "noise_std": "σ",
+}
 _WHICH_RUNS = ("seed", "num_seeds")
 """Keys that say which runs a configuration has, not what they are."""
 
@@ -116,9 +123,10 @@ def _columns(summary: Summary) -> dict[str, object]:
 
 def _write_evaluations(path: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> None:
     """All jobs' rows, each with the job's number and its values of the swept keys behind it."""
-    further = ["job", *(key for key in keys if key not in EVALUATION_COLUMNS)]
+    further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # those a row has
+    names = [f"config.{key}" if key in EVALUATION_COLUMNS else key for key in further]
     with atomic_write(path) as file:
-        file.write(_row([*EVALUATION_COLUMNS, *further]).encode())
+        file.write(_row([*EVALUATION_COLUMNS, *names]).encode())
         for job in jobs:
             values = {**job.overrides, "job": job.number}
             behind = "," + _row([values.get(key, "") for key in further])

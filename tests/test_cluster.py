@@ -17,11 +17,12 @@ TINY = ("env.time_limit_steps=4", "situations=5", "engine=eager")
 
 
 def test_a_sweep_on_this_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("submitit")
+    submitit = pytest.importorskip("submitit")
     sweep = ("lam=0,0.4", "alpha=0.4,1e30", *TINY, f"hydra.sweep.dir={tmp_path}", "-m")
     assert fnnq_train("hydra.launcher.cluster=local", *sweep) == 1
     assert "job 1 (lam=0 alpha=1e+30 " in capsys.readouterr().err
-    assert len(list((tmp_path / ".submitit").glob("*_submitted.pkl"))) == 1
+    (task,) = (tmp_path / ".submitit").glob("*_submitted.pkl")
+    assert submitit.core.utils.DelayedSubmission.load(task)._timeout_countdown == 100
     finished = [number for number in range(4) if (tmp_path / f"{number}/summary.json").exists()]
     assert finished == [0, 2]
     for number in finished:
@@ -62,10 +63,23 @@ def test_a_requeued_task_trains_what_is_missing(tmp_path: Path, summary: dict[st
 
 
 def test_a_finished_batch_is_not_trained_again(tmp_path: Path, summary: dict[str, object]) -> None:
+    pytest.importorskip("submitit")
     (tmp_path / "summary.json").write_text(json.dumps(summary))
     trainer = Trainer()
     assert BatchTask(trainer, pictures=False)([Job(config(), tmp_path)]) == [summary["mean_score"]]
     assert trainer.batches == []
+
+
+def test_a_task_that_timed_out_too_often_ends_badly(tmp_path: Path) -> None:
+    gave_up = pytest.importorskip("submitit").core.utils.UncompletedJobError("timed out too often")
+
+    def run_batches(
+        batches: Sequence[Sequence[Job]], *, pictures: bool
+    ) -> Iterator[list[float | Exception]]:
+        yield from ([gave_up] * len(batch) for batch in batches)
+
+    with pytest.raises(type(gave_up), match="too often"):
+        BatchTask(run_batches, pictures=False)([Job(config(), tmp_path)])
 
 
 @pytest.fixture

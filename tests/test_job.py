@@ -7,6 +7,8 @@ import pytest
 import torch
 
 from envs.world import World
+from fnnq_torchrl import job as job_module
+from fnnq_torchrl.batches import Job, JobFailed, as_one
 from fnnq_torchrl.checkpoint import load_checkpoint
 from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import (
@@ -18,7 +20,8 @@ from fnnq_torchrl.config import (
     MachineConfig,
 )
 from fnnq_torchrl.engine import choose
-from fnnq_torchrl.job import run_job
+from fnnq_torchrl.interruptions import Interrupted, Interruptions
+from fnnq_torchrl.job import run_batches, run_job
 from fnnq_torchrl.results import read_evaluations
 from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.trainer import Trainer
@@ -83,9 +86,9 @@ def test_every_key_is_read_by_something(monkeypatch):
     assert read == {(schema, name) for schema in SCHEMAS for name in schema.__dataclass_fields__}
 
 
-def save_half_done(config, directory):
-    """The training as it is when it has only begun."""
-    trainer = Trainer(config)
+def save_half_done(config, directory, jobs=()):
+    """The training as it is when it has only begun; of all the jobs, where there are some."""
+    trainer = Trainer(*as_one([job.config for job in jobs])) if jobs else Trainer(config)
     trainer.ledger.catches.fill_(-1)  # as no training has them: whoever goes on is known by that
     trainer.ledger.played.fill_(True)
     SavedTraining(directory, config, trainer.engine.name).save(trainer.ledger, [])
@@ -126,3 +129,62 @@ def test_the_engine_doesnt_depend_on_the_batch_that_a_job_is_in(situations):
     alone, _ = choose(config)
     among_many, _ = choose(replace(config, num_seeds=100_000))
     assert alone == among_many
+
+
+def test_a_signal_ends_all_batches(tmp_path, monkeypatch):
+    begun = []
+
+    def interrupted(batch, pictures):
+        begun.append(batch)
+        raise Interrupted(15)
+
+    monkeypatch.setattr(job_module, "_run_batch", interrupted)
+    batch = [Job(load_config("situations=5"), tmp_path)]
+    with pytest.raises(Interrupted):
+        list(run_batches([batch, batch], pictures=False))
+    assert len(begun) == 1
+
+
+def test_a_full_disk_leaves_the_training_to_go_on_from(tmp_path, capsys):
+    config = load_config("situations=5")
+    jobs = [Job(replace(config, seed=seed), tmp_path / str(seed)) for seed in range(3)]
+    for job in jobs:
+        job.directory.mkdir()
+    save_half_done(config, jobs[-1].directory, jobs)
+    (jobs[0].directory / "evaluations.csv").mkdir()
+    [[first, second, last]] = run_batches([jobs], pictures=False)
+    assert isinstance(first, OSError)
+    assert isinstance(second, float)
+    assert last is first
+    assert [path.name for path in jobs[-1].directory.iterdir()] == ["training.pt"]
+
+    (jobs[0].directory / "evaluations.csv").rmdir()
+    capsys.readouterr()
+    [results] = run_batches([[jobs[0], jobs[2]]], pictures=False)
+    assert "going on from" in capsys.readouterr().err
+    assert all(isinstance(result, float) for result in results)
+    assert not (jobs[-1].directory / "training.pt").exists()
+
+
+@pytest.mark.parametrize("ending", [False, True])
+def test_a_save_that_fails_ends_only_what_ends_anyway(tmp_path, monkeypatch, capsys, ending):
+    def full(self, ledger, hands):
+        raise OSError("no space")
+
+    monkeypatch.setattr(SavedTraining, "save", full)
+    monkeypatch.setattr(Interruptions, "ending", ending)
+    config = load_config("situations=5", "checkpoint.every_s=1e-9")
+    if ending:
+        with pytest.raises(OSError, match="no space"):
+            run_job(config, tmp_path)
+    else:
+        run_job(config, tmp_path)
+    assert ("can't be saved: no space" in capsys.readouterr().err) != ending
+    assert (tmp_path / "summary.json").exists() != ending
+
+
+def test_an_earlier_summary_does_not_stay_beside_new_files(tmp_path):
+    (tmp_path / "summary.json").write_text("{}")
+    with pytest.raises(JobFailed, match="diverged"):
+        run_job(load_config("situations=5", "alpha=1e30"), tmp_path)
+    assert not (tmp_path / "summary.json").exists()

@@ -179,15 +179,19 @@ def test_a_job_alone_that_diverges_is_one_line(
     assert not (tmp_path / "summary.json").exists()
 
 
-def test_a_file_that_cant_be_written_fails_its_own_job(
+def test_a_file_that_cant_be_written_fails_its_own_job_and_the_last(
     tmp_path: Path, command: Callable[..., Ended]
 ) -> None:
     (tmp_path / "0" / "evaluations.csv").mkdir(parents=True)
-    status, _, stderr = command("seed=0,1", *QUICKEST, f"hydra.sweep.dir={tmp_path}", "-m")
+    sweep = ("seed=0,1,2", *QUICKEST, f"hydra.sweep.dir={tmp_path}", "-m")
+    status, _, stderr = command(*sweep)
     assert status == 1
     assert "job 0 (seed=0 " in stderr
     assert "evaluations.csv" in stderr.splitlines()[-1]
     assert (tmp_path / "1" / "summary.json").exists()
+    assert not (tmp_path / "2" / "summary.json").exists()  # the training would be saved there
+    (tmp_path / "0" / "evaluations.csv").rmdir()
+    assert command(*sweep).status == 0
 
 
 def test_a_batch_that_breaks_leaves_the_others(

@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from fnnq_torchrl import cli  # noqa: F401  # registers what conf/config.yaml refers to
 from fnnq_torchrl.compose import VERSION_BASE, config_directory
-from fnnq_torchrl.config import ConfigError, to_config
+from fnnq_torchrl.config import PER_RUN, ConfigError, to_config
 from fnnq_torchrl.multirun import SweptJob, compose_jobs
 
 
@@ -105,6 +105,9 @@ def test_hydra_composes_once_for_jobs_that_differ_in_numbers(
     monkeypatch.setattr(hydra.loader, "load_sweep_config", counted)
     hydra.jobs(*[f"lam={lam} seed={seed}" for lam in (0, 0.4) for seed in range(50)])
     assert composed == [["lam=0", "seed=0"]]
+    composed.clear()
+    hydra.jobs(*["=0.5 ".join([*PER_RUN[1:], "seed=1"]), "=0.25 ".join([*PER_RUN[1:], "seed=2"])])
+    assert len(composed) == 1
 
 
 @pytest.mark.parametrize(
@@ -166,3 +169,21 @@ def test_a_saved_configuration_may_be_written_otherwise(hydra: Hydra) -> None:
     saved.write_text(saved.read_text().replace("speed_mps: 0.3", "speed_mps: 0.4"))
     with pytest.raises(ConfigError, match=r"env\.speed_mps=0\.4, not env\.speed_mps=0\.3; name"):
         job.is_finished()
+
+
+def test_a_saved_configuration_may_be_saved_otherwise(hydra: Hydra) -> None:
+    (job,) = hydra.jobs("lam=0.4")
+    job.write_configuration()
+    (again,) = hydra.jobs("lam=0.4 resume=never checkpoint.every_s=7")
+    assert not again.is_finished()
+    (job.directory / "summary.json").touch()
+    assert again.is_finished()
+
+
+@pytest.mark.parametrize("left", ["", "\0\0\0", "lam: [0", "lam"])
+def test_a_configuration_that_a_crash_has_left_is_none(hydra: Hydra, left: str) -> None:
+    (job,) = hydra.jobs("lam=0.4")
+    job.write_configuration()
+    (job.directory / "summary.json").touch()
+    (job.directory / ".hydra" / "config.yaml").write_text(left)
+    assert not job.is_finished()

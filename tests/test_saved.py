@@ -1,9 +1,11 @@
 """Training that was interrupted goes on to the same end, bit for bit."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tensordict import TensorDictBase
 
+from fnnq_torchrl import plain
 from fnnq_torchrl.config import Config, ConfigError, run_columns
 from fnnq_torchrl.interruptions import Interrupted, Interruptions
 from fnnq_torchrl.keeper import HandsKeeper
@@ -154,9 +157,10 @@ def saved(tmp_path: Path, compiler: None) -> Path:
 )
 def test_another_trainings_file_is_refused(saved: Path, job: Config, engine: str) -> None:
     trainer = Trainer(job)
-    with pytest.raises(ConfigError, match=r"another configuration; .*resume=never") as refused:
+    with pytest.raises(ConfigError, match=r"another configuration.*; .*resume=never") as refused:
         SavedTraining(saved.parent, job, engine).load(trainer.ledger)
     assert len(str(refused.value).splitlines()) == 1
+    assert str(refused.value).count("resume=never") == 1
     assert not trainer.ledger.learned.any()
 
 
@@ -167,6 +171,12 @@ def test_another_trainings_file_is_refused(saved: Path, job: Config, engine: str
 )
 def test_what_learning_does_not_depend_on_does_not_matter(saved: Path, job: Config) -> None:
     assert SavedTraining(saved.parent, job, "compiled").load(Trainer(job).ledger)
+
+
+def test_another_pytorchs_file_is_refused(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch, "__version__", "0.4")
+    with pytest.raises(ConfigError, match=r"or PyTorch; .*resume=never"):
+        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB).ledger)
 
 
 DAMAGE: dict[str, Callable[[bytes], bytes]] = {
@@ -195,3 +205,15 @@ def test_a_file_that_would_run_code_is_refused(saved: Path) -> None:
     torch.save({"format": 1, "identity": "", "ledger": Code()}, saved)
     with pytest.raises(ConfigError, match="is not a saved training"):
         SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB).ledger)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a full disk")
+def test_a_full_disk_is_told_as_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    @contextmanager
+    def full(path: Path) -> Iterator[BinaryIO]:
+        with open("/dev/full", "wb", buffering=0) as file:
+            yield file
+
+    monkeypatch.setattr(plain, "atomic_write", full)
+    with pytest.raises(OSError, match="No space"):
+        plain.write_plain(tmp_path / "training.pt", 1, {"weight": torch.zeros(100_000)})

@@ -102,6 +102,15 @@ def test_every_swept_key_is_a_column(
     assert (low + high) / 2 == pytest.approx(3.75)
 
 
+def test_swept_situations_are_not_those_of_a_row(
+    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], int]]
+) -> None:
+    jobs = [make(0, [[0, 2]], situations="5"), make(1, [[1, 3]], situations="10")]
+    write_sweep(tmp_path, jobs)
+    evaluations = rows(tmp_path / "evaluations.csv")
+    assert [row["config.situations"] for row in evaluations] == ["5", "5", "10", "10"]
+
+
 def test_the_evaluations_are_read_as_those_of_a_job_are(
     make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], int]]
 ) -> None:

@@ -121,7 +121,13 @@ def _compile(compiler: str, arguments: list[str], text: str) -> str:
     english = os.environ | {"LC_ALL": "C"}
     try:
         done = subprocess.run(
-            command, input=text, text=True, capture_output=True, check=True, env=english
+            command,
+            input=text,
+            text=True,
+            capture_output=True,
+            check=True,
+            env=english,
+            start_new_session=True,  # Ctrl-C is for us, who may want to save first
         )
     except (OSError, subprocess.CalledProcessError) as error:
         raise ConfigError(

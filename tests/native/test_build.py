@@ -1,7 +1,9 @@
 """Programs are built once, and kept."""
 
 import ctypes
+import os
 import stat
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -137,4 +139,10 @@ def test_the_compiler_is_the_systems_or_the_one_that_is_named(
     monkeypatch.setenv("CXX", str(tmp_path / "nobody"))
     assert not compiler_found()
     fake(tmp_path, monkeypatch, "test $1 = -O0")
+    assert compiler_found()
+
+
+def test_ctrl_c_is_not_for_the_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    ours = f"import os; assert os.getsid(0) != {os.getsid(0)}"
+    fake(tmp_path, monkeypatch, f"'{sys.executable}' -c '{ours}'")
     assert compiler_found()
