@@ -11,9 +11,10 @@ and a greedy step, whose two errors are the same δ, moves Q(s, a) by f·αδ(γ
     α‖f‖²/(1 − γλ)                 (gradient)
     α(‖f‖² + γλ/(1 − γλ))          (output)
 
-In a table ‖f‖² = 1 and both are α/(1 − γλ). At an end, whose target stays where it is, a step beyond
-1 overshoots it, and one beyond 2 leaves Q farther off than it was. Rules that overlap share the firing strength, so ‖f‖² is small: the
-earlier pairs, not the present one, make the step under ``output``.
+In a table ‖f‖² = 1 and both are α/(1 − γλ). At an end, whose target stays where it is, a step
+beyond 1 overshoots it, and one beyond 2 leaves Q farther off than it was. Rules that overlap share
+the firing strength, so ‖f‖² is small: the earlier pairs, not the present one, make the step under
+``output``.
 """
 
 from collections.abc import Sequence
