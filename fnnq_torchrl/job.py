@@ -11,6 +11,7 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from fnnq_torchrl import denormals
 from fnnq_torchrl.atomic import clear_leftovers
 from fnnq_torchrl.batches import Job, JobFailed, as_one
 from fnnq_torchrl.checkpoint import save_checkpoint
@@ -120,6 +121,8 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
     announce(trainer.engine_chosen)
     saved = _saved(jobs, trainer)
     outcome = _train(trainer, saved)
+    if outcome.denormal.any():
+        announce(denormals.told(outcome.seed[outcome.denormal].tolist()))
     finite = _finite(trainer.weights)
     bounds = accumulate((job.config.num_seeds for job in jobs), initial=0)
     *others, last = zip(jobs, pairwise(bounds), strict=True)

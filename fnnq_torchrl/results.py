@@ -88,6 +88,7 @@ class Outcome(Evaluations):
     train_seconds: float  # learning, without the two below
     compile_seconds: float
     evaluate_seconds: float
+    denormal: NDArray[np.bool_]  # [runs], whether some of the learned weights are subnormal numbers
 
     def of(self, runs: slice) -> Self:
         """What came of some of the runs; the batch stays the one they were in."""
@@ -97,6 +98,7 @@ class Outcome(Evaluations):
             lam=self.lam[runs],
             steps=self.steps[runs],
             catches=self.catches[runs],
+            denormal=self.denormal[runs],
         )
 
 
@@ -117,6 +119,7 @@ class Summary(TypedDict):
     final_score: float
     final_score_interval: list[float] | None
     confidence: float
+    denormal_runs: int  # with subnormal numbers among the learned weights
 
 
 def summarise(outcome: Outcome) -> Summary:
@@ -138,6 +141,7 @@ def summarise(outcome: Outcome) -> Summary:
         final_score=final_score,
         final_score_interval=final_score_interval,
         confidence=CONFIDENCE,
+        denormal_runs=int(outcome.denormal.sum()),
     )
 
 

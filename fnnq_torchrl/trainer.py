@@ -8,6 +8,7 @@ from torch import Tensor
 
 from envs.follow_ball import FollowBall
 from fnnq_torchrl.config import Config, run_columns
+from fnnq_torchrl.denormals import denormal_runs
 from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.evaluation import Playing
 from fnnq_torchrl.lanes import lanes_for, repeat_last
@@ -137,6 +138,7 @@ class Trainer:
             train_seconds=ledger.seconds["train"],
             compile_seconds=ledger.seconds["compile"],
             evaluate_seconds=ledger.seconds["evaluate"],
+            denormal=denormal_runs(self.weights).numpy(),
         )
 
     @property
