@@ -4,6 +4,7 @@ import difflib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from traceback import walk_tb
 
 from hydra import compose, initialize_config_dir, version
 from hydra.core.config_store import ConfigStore
@@ -45,19 +46,32 @@ def load_config(*overrides: str) -> Config:
             return to_config(compose("config", list(overrides)))
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, overrides) from error
+    except Exception as error:
+        if not is_of_hydra(error):
+            raise
+        raise explain(error, overrides) from error
 
 
-def explain(
-    error: HydraException | OmegaConfBaseException, overrides: Sequence[str]
-) -> ConfigError:
+def is_of_hydra(error: Exception) -> bool:
+    """Whether it is Hydra that can't do what it was asked for, and no job has begun to fail."""
+    modules = [frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__)]
+    known = [name.partition(".")[0] for name in modules]
+    known = [name for name in known if name in ("hydra", "omegaconf", "fnnq_torchrl", "envs")]
+    return known[-1:] in (["hydra"], ["omegaconf"]) and "fnnq_torchrl.train" not in modules[1:]
+
+
+def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
     """One line for an error on which Hydra spends several, without saying what is allowed.
 
     Args:
-        error: what composing a configuration raised.
+        error: what composing a configuration raised: mostly Hydra's or OmegaConf's own, but Hydra
+            stumbles over some input by errors of other kinds.
         overrides: the arguments it was composed with.
     """
+    if "group override must be" in str(error):
+        return _no_choice(overrides)
     cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error
-    message = " ".join(str(error).split()) or str(cause).splitlines()[0]
+    message = " ".join(str(error).split()) or f"Hydra can't do that: {_origin(error)}"
     if isinstance(cause, OmegaConfBaseException):
         key = cause.full_key or "hydra"
         if key.partition(".")[0] == "hydra":
@@ -72,6 +86,26 @@ def explain(
         if "--multirun" in message and f"'{override}'" in message:
             return SeveralValues(f"{override}: several values need -m, a job for each")
     return ConfigError(message)
+
+
+def _origin(error: Exception) -> str:
+    """Where it was raised, for an error without words."""
+    *_, (frame, line) = walk_tb(error.__traceback__)
+    return f"{type(error).__name__} in {frame.f_code.co_filename}, line {line}"
+
+
+def _no_choice(overrides: Sequence[str]) -> ConfigError:
+    """Of overrides such as ``env=null``, what the group may be."""
+    wrong = []
+    for override in overrides:
+        group, _, value = override.partition("=")
+        choices = sorted(path.stem for path in (config_directory() / group).glob("*.yaml"))
+        if group in allowed(Config) or "." in group or value in choices:
+            continue
+        if group and choices:
+            return OutOfRange(group, value, " or ".join(choices))
+        wrong.append(override)
+    return ConfigError(f"{' '.join(wrong)}: must name one of the choices of a group")
 
 
 class SeveralValues(ConfigError):

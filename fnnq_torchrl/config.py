@@ -13,6 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import (
     ConfigAttributeError,
     ConfigKeyError,
+    ConfigTypeError,
     MissingMandatoryValue,
     OmegaConfBaseException,
     ValidationError,
@@ -222,10 +223,13 @@ def refusal(error: OmegaConfBaseException, given: object) -> ConfigError:
         return UnknownKey(key, given)
     # What stands in a mapping has no range of its own but the mapping's.
     words = allowed(Config).get(key) or allowed(Config).get(_group(key))
+    if below := [_name(each) for each in allowed(Config) if each.startswith(f"{key}.")]:
+        words = words or f"a mapping of {', '.join(below)}"
     if isinstance(error, MissingMandatoryValue) and words:
         return OutOfRange(key, "???", words)
-    if isinstance(error, ValidationError) and words:
-        return OutOfRange(key, given if error.value is None else error.value, words)
+    if isinstance(error, ValidationError | ConfigTypeError) and words:
+        value = getattr(error, "value", None)
+        return OutOfRange(key, given if value is None else value, words)
     return ConfigError(f"{key}: {str(error).splitlines()[0]}")
 
 

@@ -20,6 +20,7 @@ from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.figures import learning_curve
 from fnnq_torchrl.interruptions import Interrupted, Interruptions
 from fnnq_torchrl.keeper import Hand, HandsKeeper
+from fnnq_torchrl.memory import check_memory
 from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
 from fnnq_torchrl.saved import NAME, SavedTraining
@@ -45,8 +46,8 @@ def run_job(config: Config, directory: Path) -> float:
         OutOfRange: the device isn't there.
         Interrupted: a signal has ended the work, which is saved.
         Lost: a signal has ended the work, which couldn't be saved.
-        ConfigError: a saved training isn't this one's, or is damaged; or the engine is to compile,
-            and the compiler isn't there or fails.
+        ConfigError: the job needs more memory than there is; a saved training isn't this one's, or
+            is damaged; or the engine is to compile, and the compiler isn't there or fails.
         JobFailed: runs diverged; their evaluations and weights are written, no summary.
         OSError: a file can't be written.
     """
@@ -75,13 +76,17 @@ def run_batches(
 
     Raises:
         OutOfRange: a device isn't there; before any batch begins.
-        ConfigError: a saved training isn't this one's, or is damaged; before any batch begins. Or
-            an engine is to compile, and the compiler isn't there, or fails.
+        ConfigError: a batch needs more memory than there is, or a saved training isn't this one's,
+            or is damaged; before any batch begins. Or an engine is to compile, and the compiler
+            isn't there, or fails.
         Interrupted: a signal has ended the work, which is saved.
         Lost: a signal has ended the work, which couldn't be saved.
     """
     for batch in batches:
         _check_machine(batch[0].config)
+        large = check_memory(batch[0].config, sum(job.config.num_seeds for job in batch))
+        if large:
+            announce(large)
         for job in batch:
             clear_leftovers(job.directory)
     for batch in batches:
