@@ -131,9 +131,9 @@ def _finished(job: Path) -> bool:
 
 def _read_job(directory: Path) -> Job:
     path = directory / ".hydra" / "config.yaml"
-    text = path.read_text(encoding="utf-8")
+    data = path.read_bytes()
     try:
-        node = OmegaConf.create(text)
+        node = OmegaConf.create(data.decode())
     except Exception as error:  # nearly any, of what isn't YAML
         raise ValueError(f"{path} is not a configuration") from error
     if not isinstance(node, DictConfig):

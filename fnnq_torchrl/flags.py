@@ -2,13 +2,12 @@
 
 import shlex
 import sys
-from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from hydra._internal.utils import get_args_parser
 
+from fnnq_torchrl.arguments import OneLineParser
 from fnnq_torchrl.config import ConfigError
 
 _SWEEPS = ("-m", "--multirun")
@@ -22,7 +21,8 @@ def check_flags(program: str, arguments: Sequence[str]) -> None:
         arguments: the others.
 
     Raises:
-        ConfigError: a flag is unknown, in the wrong place, or not allowed; one line.
+        ConfigError: a flag is in the wrong place, or not allowed; one line.
+        SystemExit: there is no such flag, which is told.
     """
     # Hydra's parser takes its flags before or after the overrides, and not between them.
     for flag in _SWEEPS:
@@ -32,7 +32,7 @@ def check_flags(program: str, arguments: Sequence[str]) -> None:
             if any("=" in before for before in arguments[:place]) and "=" in behind:
                 others = [argument for argument in arguments if argument != flag]
                 raise ConfigError(f"{flag} goes last; type {as_typed(program, *others, flag)}")
-    given = _Parser(parents=[get_args_parser()], add_help=False).parse_args(arguments)
+    given = OneLineParser(parents=[get_args_parser()], add_help=False).parse_args(arguments)
     if given.experimental_rerun is not None:
         raise ConfigError(
             "--experimental-rerun: reads a pickle, which can run any code; "
@@ -62,10 +62,3 @@ def as_typed(program: str, *arguments: str) -> str:
     name = Path(program).name
     begin = f"python -m fnnq_torchrl.{Path(name).stem}" if name.endswith(".py") else name
     return f"{begin} {shlex.join(arguments)}"
-
-
-class _Parser(ArgumentParser):
-    """Says what is wrong in one line, without its page on usage."""
-
-    def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{message}; --hydra-help lists the flags")

@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = {
     "envs": 0,
     "fnnq_torchrl": 0,
+    "fnnq_torchrl.arguments": 0,
     "fnnq_torchrl.atomic": 0,
     "fnnq_torchrl.batches": 1,
     "fnnq_torchrl.config": 0,
