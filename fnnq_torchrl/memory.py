@@ -118,7 +118,8 @@ def check_memory(config: Config, runs: int) -> str | None:
     """
     sizes, free = sizes_of(config, runs), available()
     needs = (
-        f"{runs:,} runs with {sizes.evaluations:,} evaluations of {sizes.weights:,} weights each "
+        f"{runs:,} run{'s' if runs > 1 else ''} with {sizes.evaluations:,} evaluations "
+        f"of {sizes.weights:,} weights each "
         f"and {sizes.candidates:,} candidate actions need about {_gigabytes(sizes.total)} of memory"
     )
     if sizes.total > free:
