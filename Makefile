@@ -6,10 +6,12 @@ STAMP := $(VENV)/installed
 # A picture of each job would take longer than the jobs.
 EXPERIMENT := $(BIN)/python -m fnnq_torchrl.train hydra.launcher.pictures_up_to=0
 SEEDS := 1000
+KILLS := 25
+STEPS := 10
 JAX := benchmarks/.jax
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction test test-wheel bench bench-jax agreement lint format clean
+.PHONY: help install run figures reproduction test test-wheel torture soak bench bench-jax agreement lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -38,6 +40,12 @@ test-wheel: install  ## build the wheel, install it in an empty environment and 
 	dist/empty/bin/python -m pip install -qq -c constraints.txt dist/*.whl
 	mkdir dist/elsewhere && cd dist/elsewhere && ../empty/bin/python -m fnnq_torchrl.train situations=5 num_seeds=2
 	test -f dist/elsewhere/outputs/*/summary.json
+
+torture: install  ## kill jobs at random moments, have them go on, compare what they leave (KILLS=25)
+	$(BIN)/python benchmarks/torture.py --kills $(KILLS)
+
+soak: install  ## does memory grow with the learning steps? (STEPS=10 million)
+	$(BIN)/python benchmarks/soak.py --steps $(STEPS)
 
 bench: install  ## measure the figures of the README and docs/performance.md (SPEED=--large: 100,000 runs too)
 	-@$(MAKE) --no-print-directory bench-jax

@@ -63,8 +63,8 @@ class Sizes:
 
     @property
     def kept(self) -> int:
-        """Bytes for what is kept of all evaluations: weights, steps, catches, situations played."""
-        of_evaluation = self.weights * self.bytes + 2 * _NUMBER + self.tests
+        """Bytes for what is kept of all evaluations: weights, steps, catches, what is played."""
+        of_evaluation = self.weights * self.bytes + 2 * _NUMBER + self.tests + 1
         return self.runs * (self.evaluations * of_evaluation + _COLUMNS * _NUMBER)
 
     @property

@@ -189,7 +189,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
             "seed=9223372036854775808: must be at most 2**63 - 1 = 9223372036854775807",
         ),
         "train alpha=1e400": (2, "alpha=inf: must be a number in [0, inf)"),
-        "train -m num_seeds=1000000000000,1": (2, "1,000,000,000,001 runs with 41 evaluations …"),
+        "train -m num_seeds=1000000000000,1": (2, "1,000,000,000,000 runs with 41 evaluations …"),
         "figures fig2 --results huge": (1, f"huge/fig2/2026-01-02_03-04-05/0/{NO_NUMBER}'100…"),
     },
     "contradictory keys": {

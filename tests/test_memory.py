@@ -17,15 +17,20 @@ from fnnq_torchrl.trainer import Trainer
 def test_what_is_kept_by_hand() -> None:
     sizes = sizes_of(load_config("situations=10", "engine=eager"), 1000)
     assert (sizes.runs, sizes.evaluations, sizes.tests, sizes.weights) == (1000, 3, 5, 20)
-    # Of each evaluation 20 weights, steps, catches, and whether 5 situations are played.
-    of_evaluations = 1000 * 3 * (20 * 4 + 8 + 8 + 5)
+    # Of each evaluation 20 weights, steps, catches, whether 5 situations are played, and diverged.
+    of_evaluations = 1000 * 3 * (20 * 4 + 8 + 8 + 5 + 1)
     assert of_evaluations < sizes.kept < of_evaluations + 1000 * 8 * 50
 
 
 def test_what_is_kept_is_what_the_ledger_has() -> None:
     config = load_config("situations=100", "num_seeds=500", "engine=eager")
     ledger, sizes = Trainer(config).ledger, sizes_of(config, 500)
-    tensors = [*ledger.book.pages.values(True, True), ledger.played, ledger.catches]
+    tensors = [
+        *ledger.book.pages.values(True, True),
+        ledger.played,
+        ledger.catches,
+        ledger.diverged,
+    ]
     held = sum(tensor.numel() * tensor.element_size() for tensor in tensors)
     assert held <= sizes.kept <= 1.5 * held
 
