@@ -59,7 +59,7 @@ def test_the_last_good_checkpoint_stays(
     before = {path.name: path.read_bytes() for path in disk.iterdir()}
     with pytest.raises(OSError, match=why) as ended:
         run_job(load_config(*TINY), disk)
-    assert ended.value.filename == str(disk / "checkpoint.pt")
+    assert Path(ended.value.filename).parent == disk
     assert {path.name: path.read_bytes() for path in disk.iterdir()} == before
     [told] = [line for line in capsys.readouterr().err.splitlines() if why in line]
     assert told.startswith("going on, but this training can't be saved, for now: ")
