@@ -5,13 +5,13 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import torch
 
+from fnnq_torchrl.effective_step import effective_step
 from fnnq_torchrl.experiments import Experiment, NoResults
 from fnnq_torchrl.figures.readings import norms
 from fnnq_torchrl.figures.words import change_words, setting_words
 from fnnq_torchrl.measures import MEASURES
 from fnnq_torchrl.results import CONFIDENCE
 from fnnq_torchrl.stats import Difference, Interval, bootstrap_interval, paired_difference
-from fnnq_torchrl.step_size import effective_step
 
 from .claims import CLAIMS, Claim, Comparison, Settings
 from .pool import Pool, default_settings, words

@@ -3,8 +3,8 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fnnq_torchrl.effective_step import effective_step, squared_gradient
 from fnnq_torchrl.qlambda import Rule, credit_all
-from fnnq_torchrl.step_size import effective_step, squared_gradient
 from fnnq_torchrl.values import FNNQValue
 
 from .programs import config
