@@ -31,6 +31,7 @@ FLOORS = {
     "fnnq_torchrl.threads": 0,
     "fnnq_torchrl.autograd": 1,
     "fnnq_torchrl.effective_step": 1,
+    "fnnq_torchrl.step_size": 1,
     "fnnq_torchrl.exploration": 1,
     "fnnq_torchrl.graphs": 1,
     "fnnq_torchrl.qlambda": 1,
