@@ -31,8 +31,8 @@ def test_obgd_by_hand() -> None:
 
 def test_alpha_bound_by_hand() -> None:
     trace = [real(1, 1, 1, 1).view(1, 4), real(2, 2, 2, 2).view(1, 4)]
-    slope = [real(-2, -0.2, 3, 0).view(1, 4), real(-1, -0.1, -1, 0).view(1, 4)]
-    # z·(γφ′ − φ) = −4, −0.4, 1, 0: bounds of 0.25 and 2.5, and two runs that have none.
+    slope = [real(-2, -0.2, 6, 0).view(1, 4), real(-1, -0.1, -1, 0).view(1, 4)]
+    # z·(γφ′ − φ) = −4, −0.4, 4, 0: bounds of 0.25 and 2.5, and two runs that have none.
     step = alpha_bound(real(0.5, 0.5, 0.5, 0.5), trace, slope)
     torch.testing.assert_close(step, real(0.25, 0.5, 0.5, 0.5), rtol=1e-15, atol=0)
 
