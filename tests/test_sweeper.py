@@ -21,6 +21,7 @@ EXPERIMENTS = {
     "traces": 2 * 11,
     "decay": 4 * 5,
     "decay_large": 5,
+    "adaptive": 4 * 7 * 2,
     "exploration": 3 * 4,
     "variants": 2 * (3 * 3 + 3),
     "open_choices": 2 * 11,
