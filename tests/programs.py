@@ -49,6 +49,7 @@ def make_program(
         step_size=StepSize(config.step_size),
         exploration=config.exploration,
         evaluate_every=config.evaluation.every,
+        largest_value=config.diverged_beyond * config.env.largest_return,
     )
 
 
