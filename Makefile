@@ -11,7 +11,7 @@ STEPS := 10
 JAX := benchmarks/.jax
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction test test-wheel torture soak bench bench-jax agreement lint format clean
+.PHONY: help install run figures reproduction adaptive test test-wheel torture soak bench bench-jax agreement lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -30,6 +30,10 @@ reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 se
 	for name in fig2_large fig3_large decay_large; do $(EXPERIMENT) +experiment=$$name || exit; done
 	for name in traces decay exploration variants open_choices; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction
+
+adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 seeds (SEEDS=22: fewer)
+	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
+	$(BIN)/python -m fnnq_torchrl.adaptive
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto

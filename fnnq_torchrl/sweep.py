@@ -26,6 +26,7 @@ _SYMBOLS = {
     "lam": "λ",
     "alpha": "α",
     "alpha_decay": "α decay",
+    "kappa": "κ",
     "gamma": "γ",
     "epsilon": "ε",
     "noise_std": "σ",

@@ -17,6 +17,7 @@ from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.program import Program
 from fnnq_torchrl.qlambda import Rule
 from fnnq_torchrl.results import Outcome
+from fnnq_torchrl.step_size import StepSize
 from fnnq_torchrl.values import ValueNetwork, make_value_network
 from fnnq_torchrl.work import Keeper, work_through
 
@@ -76,6 +77,7 @@ class Trainer:
             FollowBall(config.env, [lanes], dtype=self.dtype, device=self.device),
             self._value_network(lanes),
             rule=Rule(config.variant, config.trace, config.window),
+            step_size=StepSize(config.step_size),
             exploration=config.exploration,
             evaluate_every=config.evaluation.every,
             largest_value=config.diverged_beyond * config.env.largest_return,
