@@ -57,7 +57,7 @@ def is_of_hydra(error: Exception) -> bool:
     modules = [frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__)]
     known = [name.partition(".")[0] for name in modules]
     known = [name for name in known if name in ("hydra", "omegaconf", "fnnq_torchrl", "envs")]
-    return known[-1:] in (["hydra"], ["omegaconf"]) and "fnnq_torchrl.train" not in modules[1:]
+    return known[-1:] in (["hydra"], ["omegaconf"]) and "fnnq_torchrl.job" not in modules
 
 
 def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
