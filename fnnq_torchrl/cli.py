@@ -18,7 +18,13 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from fnnq_torchrl.batches import Job, JobFailed, Result, RunBatches
-from fnnq_torchrl.compose import VERSION_BASE, SeveralValues, config_directory, explain
+from fnnq_torchrl.compose import (
+    VERSION_BASE,
+    SeveralValues,
+    config_directory,
+    explain,
+    explain_unchosen,
+)
 from fnnq_torchrl.config import Config, ConfigError, to_config
 from fnnq_torchrl.interruptions import Interrupted
 from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
@@ -77,6 +83,10 @@ def command(
             told = explain(error, sys.argv[1:])
             several = isinstance(told, SeveralValues)
             _leave(2, f"{told}; type {_typed(*sys.argv, '-m')}" if several else str(told))
+        except AssertionError:
+            if unchosen := explain_unchosen(sys.argv[1:]):
+                _leave(2, str(unchosen))
+            raise
         except JobFailed as error:
             _leave(1, str(error))
         except Interrupted as error:

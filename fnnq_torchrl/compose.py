@@ -45,6 +45,8 @@ def load_config(*overrides: str) -> Config:
             return to_config(compose("config", list(overrides)))
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, overrides) from error
+    except AssertionError as error:
+        raise explain_unchosen(overrides) or error from error
 
 
 def explain(
@@ -63,9 +65,11 @@ def explain(
         if key.partition(".")[0] == "hydra":
             return ConfigError(message + _advice_on_hydra(key))
         return refusal(cause, _given(key, overrides))
-    if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
-        return OutOfRange(group, choice, " or ".join(error.options))
+        # Of a choice that stands in a list Hydra doesn't say what else there is.
+        if options := error.options or _options(group):
+            return OutOfRange(group, choice, " or ".join(options))
     if isinstance(error, OverrideParseException):
         return ConfigError(f"{error.override}: {_advice_on_parsing(error.override, overrides)}")
     for override in overrides:
@@ -74,8 +78,31 @@ def explain(
     return ConfigError(message)
 
 
+def explain_unchosen(overrides: Sequence[str]) -> ConfigError | None:
+    """One line for a setting of a logger that isn't chosen, on which OmegaConf fails an assertion.
+
+    Args:
+        overrides: those with which composing failed.
+
+    Returns:
+        None, if there is no such setting.
+    """
+    chosen = " ".join(override for override in overrides if key_of(override) == "logger")
+    for override in overrides:
+        group, _, below = key_of(override).partition(".")
+        name = below.partition(".")[0]
+        if group == "logger" and name and name not in chosen:
+            return ConfigError(f"{override}: {name} isn't chosen; 'logger=[csv,{name}]' does that")
+    return None
+
+
 class SeveralValues(ConfigError):
     """Several values for a key, and no ``-m``."""
+
+
+def _options(group: str) -> list[str]:
+    """The files of a group of ours."""
+    return sorted(path.stem for path in (config_directory() / group).glob("*.yaml"))
 
 
 def _advice_on_hydra(key: str) -> str:

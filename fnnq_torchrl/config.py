@@ -6,7 +6,7 @@ that a mistake is told before anything heavy is loaded.
 
 import difflib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
@@ -31,6 +31,7 @@ from envs.ranges import (
     whole,
 )
 from envs.world import OBSERVATIONS, World
+from fnnq_torchrl.logger_config import LoggerConfig
 
 __all__ = [
     "EXPLORATIONS",
@@ -148,6 +149,7 @@ class Config(Parameters):
     evaluation: EvaluationConfig
     machine: MachineConfig
     checkpoint: CheckpointConfig
+    logger: LoggerConfig = field(default_factory=LoggerConfig)  # of none but the result files
 
     def __post_init__(self) -> None:
         check(self)

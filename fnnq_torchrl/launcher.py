@@ -84,6 +84,8 @@ class Multirun:
         self._log()
         self._jobs += jobs
         self._write_whole()
+        if missing:
+            self._log_whole()
         return returns
 
     def _run(self, jobs: Sequence[SweptJob], pictures: bool) -> dict[Path, Result]:
@@ -152,6 +154,14 @@ class Multirun:
                 for job in self._jobs
             ],
         )
+
+    def _log_whole(self) -> None:
+        """What the loggers of its jobs have on the sweep as a whole."""
+        from fnnq_torchrl.loggers import Loggers, SweepResults
+
+        directory = Path(self._config.hydra.sweep.dir).absolute()
+        for config in {repr(job.config.logger): job.config.logger for job in self._jobs}.values():
+            Loggers(config).log_sweep(SweepResults(directory, len(self._jobs)))
 
 
 def _check_directories(jobs: Sequence[SweptJob]) -> None:

@@ -29,6 +29,11 @@ def default() -> Config:
     return load_config()
 
 
+@pytest.fixture(scope="module")
+def every_logger() -> Config:
+    return load_config("logger=[csv,wandb,tensorboard,mlflow]")
+
+
 def test_the_defaults_are_the_papers_and_spec(default):
     assert asdict(default) == {
         "lam": 0.2,
@@ -74,6 +79,7 @@ def test_the_defaults_are_the_papers_and_spec(default):
             "situations": [[0.8, 0.1], [-0.8, -0.1], [0.4, -0.15], [-0.4, 0.15], [0, 0.12]],
         },
         "machine": {"device": "cpu", "dtype": "float32"},
+        "logger": {"wandb": None, "tensorboard": None, "mlflow": None},
     }
 
 
@@ -93,8 +99,8 @@ def test_overrides_reach_their_keys():
 
 
 @pytest.mark.parametrize("key", allowed(Config))
-def test_every_key_has_a_type_and_a_range(default, key):
-    values = OmegaConf.create(asdict(default))
+def test_every_key_has_a_type_and_a_range(every_logger, key):
+    values = OmegaConf.create(asdict(every_logger))
     OmegaConf.update(values, key, "nonsense")
     with pytest.raises(ConfigError) as refused:
         to_config(values)
@@ -131,6 +137,12 @@ def test_every_key_has_a_type_and_a_range(default, key):
         ("lam=${nowhere}", "lam: Interpolation key 'nowhere' not found"),
         ("lam=[", "lam=[: can't be read as key=value"),
         ("speed_mps=1", "speed_mps=1: there is no speed_mps; did you mean env.speed_mps?"),
+        ("logger=nope", "logger=nope: must be csv or mlflow or tensorboard or wandb"),
+        ("logger=[csv,nope]", "logger=nope: must be csv or mlflow or tensorboard or wandb"),
+        (
+            "logger.wandb.per=run",
+            "logger.wandb.per=run: wandb isn't chosen; 'logger=[csv,wandb]' does that",
+        ),
         ("envs=follow_ball", "envs=follow_ball: there is no envs; did you mean env?"),
         ("env={sped: 1}", "env.sped: there is no env.sped; did you mean env.speed_mps?"),
         (

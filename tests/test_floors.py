@@ -24,6 +24,7 @@ FLOORS = {
     "fnnq_torchrl.interruptions": 0,
     "fnnq_torchrl.lanes": 0,
     "fnnq_torchrl.layout": 0,
+    "fnnq_torchrl.logger_config": 0,
     "fnnq_torchrl.loops": 0,
     "fnnq_torchrl.membership": 0,
     "fnnq_torchrl.plain": 1,
@@ -50,6 +51,7 @@ FLOORS = {
     "fnnq_torchrl.keeper": 3,
     "fnnq_torchrl.learning": 3,
     "fnnq_torchrl.ledger": 3,
+    "fnnq_torchrl.loggers": 3,
     "fnnq_torchrl.native": 3,
     "fnnq_torchrl.program": 3,
     "fnnq_torchrl.report": 3,
@@ -76,12 +78,14 @@ ONLY_IN = {
         for module in ("", ".curves", ".dots", ".gallery", ".lines", ".readings", ".style")
     },
     "submitit": {"fnnq_torchrl.cluster"},
-    "wandb": set(),
+    "mlflow": {"fnnq_torchrl.loggers.mlflow"},
+    "PIL": {"fnnq_torchrl.loggers.tensorboard"},
+    "wandb": {"fnnq_torchrl.loggers.wandb"},
 }
 
 
 # Of an extra, and imported only where a user asks for it.
-OPTIONAL = {"submitit"}
+OPTIONAL = {"PIL", "mlflow", "submitit", "wandb"}
 
 
 def module_name(path: Path) -> str:
