@@ -23,6 +23,9 @@ CHOICES = {
     for path in sorted(FILES - {Path("config.yaml")})
 }
 
+NONSENSE = "non/sense " * 30
+"""Too long and too odd even for a name."""
+
 
 @pytest.fixture(scope="module")
 def default() -> Config:
@@ -101,10 +104,10 @@ def test_overrides_reach_their_keys():
 @pytest.mark.parametrize("key", allowed(Config))
 def test_every_key_has_a_type_and_a_range(every_logger, key):
     values = OmegaConf.create(asdict(every_logger))
-    OmegaConf.update(values, key, "nonsense")
+    OmegaConf.update(values, key, NONSENSE)
     with pytest.raises(ConfigError) as refused:
         to_config(values)
-    assert str(refused.value) == f"{key}=nonsense: must be {allowed(Config)[key]}"
+    assert str(refused.value) == f"{key}={NONSENSE}: must be {allowed(Config)[key]}"
 
 
 @pytest.mark.parametrize(
