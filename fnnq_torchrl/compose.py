@@ -46,7 +46,9 @@ def load_config(*overrides: str) -> Config:
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, overrides) from error
     except AssertionError as error:
-        raise explain_unchosen(overrides) or error from error
+        if unchosen := explain_unchosen(overrides):
+            raise unchosen from error
+        raise
 
 
 def explain(

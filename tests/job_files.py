@@ -4,6 +4,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 import numpy as np
+import pytest
 from matplotlib.image import imsave
 
 from fnnq_torchrl.batches import Job
@@ -11,6 +12,19 @@ from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.results import Evaluations, Outcome, summarise, write_evaluations, write_summary
 
 from .experiment_files import invented
+
+
+def keys_read(schema: type, monkeypatch: pytest.MonkeyPatch) -> set[str]:
+    """The keys of a schema that are read from now on, as they are read."""
+    keys = set()
+
+    def recording(self: object, name: str) -> object:
+        if name in schema.__dataclass_fields__:
+            keys.add(name)
+        return object.__getattribute__(self, name)
+
+    monkeypatch.setattr(schema, "__getattribute__", recording)
+    return keys
 
 
 def write_job(directory: Path, *overrides: str, sweep: Path | None = None) -> Job:

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from fnnq_torchrl.logger_config import MlflowConfig
 from fnnq_torchrl.loggers import JobResults, Loggers, SweepResults
 from fnnq_torchrl.stats import mean_interval
 
-from .job_files import write_job
+from .job_files import keys_read, write_job
 
 
 def test_jobs_and_their_sweep_are_in_one_database(
@@ -22,12 +23,14 @@ def test_jobs_and_their_sweep_are_in_one_database(
     many = write_job(sweep / "0", "num_seeds=22", *chosen, sweep=sweep)
     one = write_job(sweep / "1", "lam=0.4", *chosen, sweep=sweep)
     (sweep / "summary.csv").write_text("job,mean_score\n")
+    read = keys_read(MlflowConfig, monkeypatch)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # MLflow still uses what SQLAlchemy has deprecated
         loggers = Loggers(many.config.logger)
         loggers.log_jobs([many, one])
         loggers.log_sweep(SweepResults(sweep, jobs=2))
         assert not loggers.left_out
+        assert read == MlflowConfig.__dataclass_fields__.keys()
         from mlflow.tracking import MlflowClient
 
         client = MlflowClient(f"sqlite:///{sweep / 'mlflow.db'}")

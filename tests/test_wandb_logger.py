@@ -13,13 +13,14 @@ import wandb
 
 from fnnq_torchrl.batches import Job
 from fnnq_torchrl.config import PER_RUN, ConfigError
+from fnnq_torchrl.logger_config import WandbConfig
 from fnnq_torchrl.loggers import JobResults, Loggers, SweepResults
 from fnnq_torchrl.loggers import wandb as wandb_module
 from fnnq_torchrl.loggers.base import flat
 from fnnq_torchrl.results import EVALUATION_COLUMNS
 from fnnq_torchrl.stats import mean_interval
 
-from .job_files import write_job
+from .job_files import keys_read, write_job
 from .wandb_files import WandbRun, read_wandb_runs
 
 KEY = "0" * 40
@@ -86,10 +87,14 @@ def test_one_wandb_run_for_each_of_22_runs_has_all_rows(tmp_path: Path) -> None:
     assert sum("learning_curve.path" in run.history[-1] for run in runs) == 1
 
 
-def test_one_wandb_run_for_a_job_has_curve_band_tables_and_pictures(tmp_path: Path) -> None:
+def test_one_wandb_run_for_a_job_has_curve_band_tables_and_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     job = write_job(tmp_path / "job", "num_seeds=22", "logger=wandb")
     results = JobResults(job)
+    read = keys_read(WandbConfig, monkeypatch)
     [run] = logged(job)
+    assert read == WandbConfig.__dataclass_fields__.keys()
     assert (run.group, run.name, run.job_type) == ("job", "job", "train")
     assert flat(run.config).items() >= flat(results.settings | {"value": {}}).items()
     catches = results.evaluations.catches

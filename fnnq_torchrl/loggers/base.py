@@ -22,7 +22,7 @@ from fnnq_torchrl.results import (
 from fnnq_torchrl.stats import mean_interval
 
 _CHANGING = [name for name in EVALUATION_COLUMNS if name not in PER_RUN]
-"""The columns of evaluations.csv that change from row to row of a run."""
+"""The columns of evaluations.csv that change from row to row of a run: whole numbers, flags."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +75,14 @@ class JobResults:
         """What summary.json holds."""
         return read_summary(self.directory / "summary.json")
 
-    def rows(self, run: int) -> Iterator[dict[str, float]]:
+    def rows(self, run: int) -> Iterator[dict[str, int]]:
         """A run's rows of evaluations.csv, without what is the same in all of them."""
         evaluations = self.evaluations
         shape = evaluations.runs, evaluations.situations.size
         columns = [
-            np.broadcast_to(getattr(evaluations, name), shape)[run].tolist() for name in _CHANGING
+            # Numbers all, of which loggers can draw curves.
+            np.broadcast_to(getattr(evaluations, name), shape)[run].astype(np.int64).tolist()
+            for name in _CHANGING
         ]
         for row in zip(*columns, strict=True):
             yield dict(zip(_CHANGING, row, strict=True))
@@ -106,11 +108,15 @@ class JobResults:
 
         ``steps``, the learning steps of a run so far, and ``score``, its catches, are means over
         the runs; ``score_low`` and ``score_high``, which a single run doesn't have, the bounds of
-        the score's interval (Student's t).
+        the score's interval (Student's t). ``diverged`` is how many runs have.
         """
         evaluations = self.evaluations
         mean, low, high = mean_interval(evaluations.catches, confidence=CONFIDENCE)
-        columns = {"steps": evaluations.steps.mean(axis=0), "score": mean}
+        columns = {
+            "steps": evaluations.steps.mean(axis=0),
+            "score": mean,
+            "diverged": evaluations.diverged.sum(axis=0, dtype=np.float64),
+        }
         return (
             columns if evaluations.runs == 1 else columns | {"score_low": low, "score_high": high}
         )

@@ -210,6 +210,7 @@ def _runs_table(job: JobResults) -> wandb.Table:
         {
             "seed": evaluations.seed.tolist(),
             "steps": evaluations.steps[:, -1].tolist(),
+            "diverged": evaluations.diverged[:, -1].tolist(),
             "mean_score": evaluations.mean_score.tolist(),
             "final_score": evaluations.final_score.tolist(),
         }
