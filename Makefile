@@ -9,7 +9,7 @@ SEEDS := 1000
 JAX := benchmarks/.jax
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction test test-wheel bench bench-jax agreement lint format clean
+.PHONY: help install run figures reproduction test test-wheel bench bench-jax bench-loggers agreement lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -43,6 +43,9 @@ bench: install  ## measure the figures of the README and docs/performance.md (SP
 	-@$(MAKE) --no-print-directory bench-jax
 	$(BIN)/python benchmarks/command.py
 	$(BIN)/python benchmarks/speed.py --write docs/performance.md $(SPEED)
+
+bench-loggers: install  ## how long it takes to log 1,000 runs, for docs/loggers.md
+	$(BIN)/python benchmarks/loggers.py
 
 agreement: install  ## do 2,000 runs learn the same, eager and compiled? Takes minutes
 	$(BIN)/python benchmarks/agreement.py
