@@ -49,7 +49,7 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
         self.observation_space = Box(-view, view, (1,), np.float32)
         self.action_space = Discrete(candidates)
         self._candidates = torch.linspace(-1, 1, candidates)
-        self._world = FollowBall(world)
+        self.world = FollowBall(world)
         self._seed, self._episode = 0, -1
         self._state: TensorDictBase | None = None
 
@@ -82,7 +82,7 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
         episode = _whole("episode", episode, 0, _EPISODES)
         super().reset(seed=seed)
         self._seed, self._episode = run, episode
-        self._state = self._world.start(torch.tensor([run]), torch.tensor([episode]), begins)
+        self._state = self.world.start(torch.tensor([run]), torch.tensor([episode]), begins)
         return self._see(self._state), {"is_success": False}
 
     def step(
@@ -105,7 +105,7 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
             raise OutOfRange("action", action, f"a whole number in [0, {end})")
         if self._state is None:
             raise ResetNeeded("no situation has begun, or it has ended: call reset first")
-        after = self._world.step(self._state.set("action", self._candidates[action].view(1)))
+        after = self.world.step(self._state.set("action", self._candidates[action].view(1)))
         after = after["next"]
         ended, reward = bool(after["terminated"]), float(after["reward"])
         self._state = None if ended else after
