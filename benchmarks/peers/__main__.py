@@ -1,6 +1,6 @@
 """TorchRL's and Stable-Baselines3's DQN beside Q(λ): docs/peers.md and its figure.
 
-python -m benchmarks.peers [--seeds 10] [--redraw]
+python -m benchmarks.peers [--seeds 6] [--redraw]
 """
 
 import argparse
@@ -51,7 +51,7 @@ def measure_peers(steps: int, seeds: int) -> Measured:
 
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=10, help="of each peer")
+    parser.add_argument("--seeds", type=int, default=6, help="of each peer")
     parser.add_argument("--runs", type=int, default=1000, help="of ours")
     parser.add_argument("--steps", type=int, default=STEPS, help="of learning, of each run")
     parser.add_argument("--results", type=Path, default=Path("outputs/peers/results.json"))

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envs.follow_ball import FollowBall
 from fnnq_torchrl.compose import load_config
@@ -24,12 +25,21 @@ def enough(config: Config, steps: int) -> int:
     return every * math.ceil(steps / FollowBall(config.env).fewest_steps / every)
 
 
-def learn(steps: int, overrides: list[str]) -> Iterator[Run]:
-    """All runs of a batch; each one's wall time is its share of the batch's.
+def scores_at(
+    moments: NDArray[np.int64], taken: NDArray[np.int64], catches: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """A run's score after so many steps: that of its last evaluation until then.
 
-    Its score after so many steps is that of its last evaluation until then: ours come after every
-    five situations.
+    Args:
+        moments: the steps in question.
+        taken: the run's steps before each of its evaluations.
+        catches: the score in each.
     """
+    return catches[np.searchsorted(taken, moments, side="right") - 1]
+
+
+def learn(steps: int, overrides: list[str]) -> Iterator[Run]:
+    """All runs of a batch; each one's wall time is its share of the batch's."""
     situations = enough(load_config(*overrides), steps)
     config = load_config(*overrides, f"situations={situations}")
     trainer = Trainer(config)
@@ -39,12 +49,11 @@ def learn(steps: int, overrides: list[str]) -> Iterator[Run]:
     seconds = due * outcome.train_seconds / outcome.batch_learning_steps
     versions = versions_of("fnnq_torchrl", "torchrl", "torch")
     for seed, taken, catches in zip(outcome.seed, outcome.steps, outcome.catches, strict=True):
-        last = np.searchsorted(taken, due, side="right") - 1
         yield Run(
             int(seed),
             due.tolist(),
             seconds.tolist(),
-            catches[last].tolist(),
+            scores_at(due, taken, catches).tolist(),
             versions,
             compile_seconds=outcome.compile_seconds / config.num_seeds,
         )

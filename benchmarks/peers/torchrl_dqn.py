@@ -27,6 +27,12 @@ class EvenActions(ActionDiscretizer):
         return torch.linspace(0, 1, nint, device=device)
 
 
+def discrete(world: FollowBall, candidates: int) -> TransformedEnv:
+    """The world with the indices of the candidates for actions."""
+    scalar = SqueezeTransform(-1, in_keys=[], in_keys_inv=["action"])
+    return TransformedEnv(world, Compose(InitTracker(), scalar, EvenActions(candidates)))
+
+
 def learned_from(collected: TensorDictBase) -> TensorDictBase:
     """Of what happened, what the loss needs: not the state of the world."""
     keys = ("bearing", "reward", "done", "terminated")
@@ -38,9 +44,7 @@ def learn(settings: Settings, seed: int, steps: int) -> Run:
     torch.manual_seed(seed)  # of weights, exploration and samples; the world's is its own
     world = FollowBall(config.env, seed=seed)
     clock = WorldClock(world)
-    scalar = SqueezeTransform(-1, in_keys=[], in_keys_inv=["action"])
-    discrete = EvenActions(config.action.candidates)
-    env = TransformedEnv(world, Compose(InitTracker(), scalar, discrete))
+    env = discrete(world, config.action.candidates)
     network = MLP(
         in_features=1,
         out_features=config.action.candidates,
