@@ -33,6 +33,9 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
     Random numbers are the run's own (:mod:`envs.streams`), not those of ``np_random``: a seed and
     an episode's number have the same situation here as in any batch.
 
+    Attributes:
+        world: the environment behind it.
+
     Args:
         world: the physical parameters (``conf/env/follow_ball.yaml`` has the paper's).
         candidates: how many there are (``conf/action/even.yaml``), at least 2.
@@ -112,7 +115,7 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
         return self._see(after), reward, ended, False, {"is_success": ended and reward > 0}
 
     def _see(self, state: TensorDictBase) -> NDArray[np.float32]:
-        seen: NDArray[np.float32] = state["bearing"].numpy().copy()
+        seen: NDArray[np.float32] = state["bearing"].numpy()
         return seen
 
 

@@ -93,7 +93,7 @@ def test_enough_situations_for_the_steps():
 
 
 def runs_of(score: int, count: int, **other: object) -> list[Run]:
-    """Of 1,000 steps; some catch one more."""
+    """Of 1,200 steps; every other catches one more."""
     steps = moments(1_200)
     some = [min(5, score + run % 2) for run in range(count)]
     return [
@@ -112,8 +112,8 @@ def results_with(ours: int, theirs: int) -> dict[str, list[Run]]:
 @pytest.mark.parametrize(
     ("ours", "theirs", "said", "arrives"),
     [
-        (4, 2, "more than chance would give", "doesn't come to 4 catches on average"),
-        (2, 4, "less than chance would give", "comes to 4 catches on average after 400 steps"),
+        (4, 2, "an advantage", "doesn't come to 4 catches on average"),
+        (2, 4, "a disadvantage", "comes to 4 catches on average after 400 steps"),
         (3, 3, "which may be chance", "doesn't come to 4 catches on average"),
     ],
 )

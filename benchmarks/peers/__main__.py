@@ -4,6 +4,8 @@ python -m benchmarks.peers [--seeds 6] [--redraw]
 """
 
 import argparse
+import os
+import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from itertools import chain, product
@@ -15,7 +17,7 @@ from fnnq_torchrl.figures.style import save
 from .figure import peers_figure
 from .learners import PEERS, fuzzy_command
 from .page import write_page
-from .results import ALONE, EAGER, NO_TRACE, OURS, read_results, write_results
+from .results import ALONE, EAGER, NO_TRACE, OURS, WORDS, read_results, write_results
 from .runs import Run, alone, side_by_side
 from .task import EVERY, STEPS, task
 from .tune import best_rate, read_tuning
@@ -57,18 +59,27 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--results", type=Path, default=Path("outputs/peers/results.json"))
     parser.add_argument("--to", type=Path, default=Path("docs"), help="where the page goes")
     parser.add_argument("--redraw", action="store_true", help="from the results as they are")
-    return parser.parse_args()
+    given = parser.parse_args()
+    if min(given.seeds, given.runs) < 2:
+        parser.error("an interval needs two runs of each learner")
+    return given
 
 
 def main() -> None:
     given = arguments()
     if not given.redraw:
-        machine, measured = describe_machine(), defaultdict(list)
+        if absent := [peer.python for peer in PEERS.values() if not Path(peer.python).exists()]:
+            sys.exit(f"{absent[0]} isn't there: make peers installs it")
+        # Who else was busy makes wall times longer.
+        machine = f"{describe_machine()}, at a load of {os.getloadavg()[0]:.1f} before we began"
+        measured = defaultdict(list)
         ours = measure_ours(given.steps, given.runs)
         for name, runs in chain(ours, measure_peers(given.steps, given.seeds)):
             measured[name] += runs
             write_results(given.results, machine, measured)  # what is there is kept
     machine, results = read_results(given.results)
+    if missing := [name for name in (ALONE, EAGER, *WORDS) if name not in results]:
+        sys.exit(f"{given.results} has no runs of {missing[0]}: make peers")
     figures = given.to / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     for suffix in ("png", "svg"):

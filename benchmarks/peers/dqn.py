@@ -1,13 +1,12 @@
 """A deep Q-network as both peers have it: the same architecture and schedule, Adam, Huber's loss.
 
 V. Mnih et al., "Human-level control through deep reinforcement learning", Nature 518, 2015, with
-numbers for a small task: each has been left at what both libraries' own examples of that size have,
-or changed where it learned faster here.
+numbers for a small task that were set beforehand. Only the learning rate was sought (tune.py).
 """
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 
 from .runs import Run
 from .task import STEPS
@@ -41,5 +40,9 @@ def command_line(learn: Callable[[Settings, int, int], Run]) -> None:
 
 def in_words(settings: Settings) -> list[tuple[str, str]]:
     """Each setting but the learning rate, by its name."""
-    names = [item.name for item in fields(settings) if item.name != "learning_rate"]
-    return [(name.replace("_", " "), f"{getattr(settings, name)}") for name in names]
+    values = asdict(settings).items()
+    return [
+        (name.replace("_", " "), f"{value:,}" if isinstance(value, int) else str(value))
+        for name, value in values
+        if name != "learning_rate"
+    ]

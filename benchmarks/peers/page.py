@@ -42,9 +42,8 @@ $machine.
 
 Q(λ) on a fuzzy rule base is meant for learning from little. So the question is what usual deep
 Q-learning makes of the same task with as many steps: the same world, the same $candidates candidate
-actions, γ = $gamma, the same end of a situation, and $steps learning steps, which is about what 200
-situations take. Every $every steps the greedy policy plays the paper's five situations; its *score*
-is how many of them it ends in a catch.
+actions, γ = $gamma, the same end of a situation, and $steps learning steps. Every $every steps the
+greedy policy plays the paper's five situations; its *score* is how many of them it ends in a catch.
 
 ![Score against learning steps, and against wall time](figures/peers.png)
 
@@ -167,8 +166,8 @@ def _difference_interval(
 
 def _verdict(low: float, high: float) -> str:
     if low > 0:
-        return "more than chance would give"
-    return "less than chance would give" if high < 0 else "which may be chance"
+        return "an advantage"
+    return "a disadvantage" if high < 0 else "which may be chance"
 
 
 def _learning_table(results: Results) -> str:
@@ -191,7 +190,7 @@ def _learning_table(results: Results) -> str:
 
 def _with_interval(samples: NDArray[np.float64]) -> str:
     center, low, high = mean_interval(samples, confidence=CONFIDENCE)
-    return f"{center:.2f} ({low:.2f}–{high:.2f})"
+    return f"{center:.2f} ({low:.2f} to {high:.2f})"
 
 
 def _time_table(results: Results) -> str:
@@ -242,11 +241,12 @@ def _tuning_table() -> str:
     scores = read_tuning()
     rows = []
     for name, peer in PEERS.items():
-        of_rates = [scores[name][rate] for rate in LEARNING_RATES]
-        runs = len(of_rates[0])
-        chosen = f"{best_rate(scores[name]):g}"
-        rows.append([peer.words, str(runs), *(f"{mean(each):.2f}" for each in of_rates), chosen])
-    return table(["mean score at", "runs", *(f"{r:g}" for r in LEARNING_RATES), "chosen"], rows)
+        by_rate = scores[name]
+        cells = [f"{mean(by_rate[rate]):.2f}" for rate in LEARNING_RATES]
+        runs, chosen = len(by_rate[LEARNING_RATES[0]]), best_rate(by_rate)
+        rows.append([peer.words, str(runs), *cells, f"{chosen:g}"])
+    rates = [f"{rate:g}" for rate in LEARNING_RATES]
+    return table(["mean score with", "runs", *rates, "chosen"], rows)
 
 
 def _versions(results: Results) -> str:

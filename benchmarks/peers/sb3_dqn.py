@@ -19,9 +19,7 @@ from .task import EVERY, Diary, WorldClock, score, task
 class Snapshots(BaseCallback):
     """Notes down the network before learning and then regularly."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.diary = Diary()
+    diary: Diary
 
     def _on_training_start(self) -> None:
         self.diary = Diary()

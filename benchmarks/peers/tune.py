@@ -5,7 +5,6 @@ python -m benchmarks.peers.tune [--seeds 2]
 
 import argparse
 import csv
-from collections import defaultdict
 from collections.abc import Mapping
 from itertools import product
 from statistics import mean
@@ -26,10 +25,11 @@ Scores = Mapping[str, Mapping[float, list[float]]]
 
 
 def read_tuning() -> Scores:
-    scores: dict[str, dict[float, list[float]]] = defaultdict(lambda: defaultdict(list))
+    scores: dict[str, dict[float, list[float]]] = {}
     with TUNING.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
-            scores[row["peer"]][float(row["learning_rate"])].append(float(row["mean_score"]))
+            by_rate = scores.setdefault(row["peer"], {})
+            by_rate.setdefault(float(row["learning_rate"]), []).append(float(row["mean_score"]))
     return scores
 
 

@@ -67,16 +67,17 @@ def label_ends(axes: Axes, labels: Sequence[str]) -> None:
     The figure must have been laid out, which gives the axes their height.
     """
     lasts = [np.asarray(line.get_xydata(), dtype=np.float64)[-1] for line in axes.lines]
+    ends = [float(y) for _, y in lasts]
     to_axes = axes.transData + axes.transAxes.inverted()
-    places = to_axes.transform(np.array(lasts))  # in widths and heights of the axes
+    places = np.array([to_axes.transform((0.0, end))[1] for end in ends])  # in heights of the axes
+    left, right = axes.get_xlim()
     height_pt = axes.get_window_extent().height * 72 / axes.figure.dpi
-    heights = spread(places[:, 1], LABEL_PITCH_PT / height_pt, 0, 1)
-    ends = zip(places[:, 0], (y for _, y in lasts), strict=True)
-    for line, label, end, height in zip(axes.lines, labels, ends, heights, strict=True):
+    heights = spread(places, LABEL_PITCH_PT / height_pt, 0, 1)
+    for line, label, (x, y), height in zip(axes.lines, labels, lasts, heights, strict=True):
         link = {"arrowstyle": "-", "color": line.get_color(), "relpos": (0.0, 0.5), "shrinkB": 0}
         axes.annotate(
             label,
-            xy=end,
+            xy=((x - left) / (right - left), y),
             xytext=(1.03, height),
             xycoords=axes.get_yaxis_transform(),  # x in widths of the axes, y as the line's
             textcoords="axes fraction",
