@@ -1,5 +1,6 @@
 """docs/peers.md: figures in a template. What the page concludes is computed from the runs too."""
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import mean
@@ -112,7 +113,7 @@ def write_page(path: Path, machine: str, results: Results) -> None:
         "final": FINAL_EVALUATIONS,
         "confidence": f"{100 * CONFIDENCE:g}",
         "goal": GOAL,
-        "conclusion": "\n".join(f"* {line}" for line in conclusions(results)),
+        "conclusion": "\n".join(map(_bullet, conclusions(results))),
         "learning": _learning_table(results),
         "time": _time_table(results),
         "settings": table(["setting", "value"], settings),
@@ -145,6 +146,10 @@ def conclusions(results: Results) -> list[str]:
             "ours that steps eagerly, as the peers do."
         )
     return lines
+
+
+def _bullet(line: str) -> str:
+    return textwrap.fill(line, 100, initial_indent="* ", subsequent_indent="  ")
 
 
 def _arrives(results: Results, name: str) -> str:
