@@ -79,12 +79,11 @@ def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]
     env = FollowBall(config.env, [lanes])
     episode = FIRST_EPISODE + torch.arange(lanes).unsqueeze(-1)
     state = env.start(torch.full_like(episode, seed), episode, tests.repeat(len(networks), 1))
-    caught = over = torch.zeros(lanes, 1, dtype=torch.bool)
+    caught = torch.zeros(lanes, 1, dtype=torch.bool)
     for _ in range(config.env.time_limit_steps):
         best = _greedy(networks, state["bearing"].view(len(networks), len(tests), 1))
         state = env.step(state.set("action", candidates[best].view(lanes, 1)))["next"]
-        caught = caught | (~over & (state["reward"] > 0))
-        over = over | state["terminated"]
+        caught |= state["reward"] > 0  # before the time limit nothing else ends a situation
     return caught.view(len(networks), len(tests)).sum(1).tolist()
 
 
