@@ -78,6 +78,7 @@ FLOORS = {
 }
 # Who may import what is slow to load, or belongs at the edge.
 ONLY_IN = {
+    "gymnasium": {"envs.gymnasium_face"},
     "hydra": {name for name, height in FLOORS.items() if height == 4},
     "matplotlib": {
         f"fnnq_torchrl.figures{module}"
@@ -89,7 +90,7 @@ ONLY_IN = {
 
 
 # Of an extra, and imported only where a user asks for it.
-OPTIONAL = {"submitit"}
+OPTIONAL = {"gymnasium", "submitit"}
 
 
 def module_name(path: Path) -> str:
