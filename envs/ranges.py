@@ -13,6 +13,9 @@ from dataclasses import dataclass, field, fields
 from math import inf
 from typing import Any, get_args, get_type_hints
 
+MOST = 2**63 - 1
+"""The greatest whole number: tensors hold no greater one."""
+
 
 class ConfigError(ValueError):
     """A mistake of the user's; its text is one line that says what to change."""
@@ -166,6 +169,8 @@ def check(parameters: Parameters, prefix: str = "") -> None:
             continue
         if value is None and _RANGE not in item.metadata:  # a group that isn't chosen
             continue
+        if _is_whole(value) and value > MOST:
+            raise OutOfRange(key, value, f"at most 2**63 - 1 = {MOST}")
         entries = value if isinstance(value, dict) else {None: value}
         for entry, held in entries.items():
             if not item.metadata[_RANGE].holds(held):

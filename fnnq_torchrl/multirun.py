@@ -17,8 +17,9 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
+from fnnq_torchrl.atomic import atomic_write
 from fnnq_torchrl.batches import ASIDE, BATCHABLE, Job
-from fnnq_torchrl.compose import explain, explain_unchosen, key_of
+from fnnq_torchrl.compose import explain, is_of_hydra, key_of
 from fnnq_torchrl.config import ConfigError, to_config
 
 _WHOLE, _DECIMAL = r"0|[1-9]\d*", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -117,7 +118,8 @@ class SweptJob:
             "hydra.yaml": self._template.hydra_yaml(of_each),
             "overrides.yaml": _yaml(self.task_overrides),
         }.items():
-            (folder / name).write_text(text, encoding="utf-8")
+            with atomic_write(folder / name, durable=False) as file:
+                file.write(text.encode())
 
     def _configuration_directory(self) -> Path | None:
         name = self._template.hydra["output_subdir"]
@@ -133,14 +135,14 @@ class SweptJob:
         if folder is None:  # nothing tells whose result it is
             return False
         try:
-            saved = (folder / "config.yaml").read_text(encoding="utf-8")
+            saved = (folder / "config.yaml").read_bytes()
         except FileNotFoundError:
             return False
-        if saved != self.configuration() and not self._is_same(saved):
+        if saved != self.configuration().encode() and not self._is_same(saved):
             return False
         return (self.directory / "summary.json").exists()  # the last file that a job writes
 
-    def _is_same(self, saved: str) -> bool:
+    def _is_same(self, saved: bytes) -> bool:
         """Whether the text, though not the same, says the same; false if it says nothing.
 
         Raises:
@@ -148,7 +150,7 @@ class SweptJob:
         """
         try:
             plain = yaml.safe_load(saved)
-        except yaml.YAMLError:
+        except Exception:  # nearly any, of what isn't YAML
             plain = None
         if not isinstance(plain, dict):  # a crash has left it, empty or broken
             return False
@@ -222,19 +224,13 @@ def compose_jobs(
         try:
             jobs.append(_compose(loader, master, number, overrides, templates))
         except (AssertionError, ConfigError, HydraException, OmegaConfBaseException) as error:
-            told = _told(error, overrides)
-            if told is None:
+            if isinstance(error, AssertionError) and not is_of_hydra(error):
                 raise
+            told = error if isinstance(error, ConfigError) else explain(error, overrides)
             alone = len(job_overrides) == 1
             line = str(told) if alone else f"{_name(number, overrides)}: {told}"
             raise ConfigError(line) from error
     return jobs
-
-
-def _told(error: Exception, overrides: Sequence[str]) -> ConfigError | None:
-    if isinstance(error, HydraException | OmegaConfBaseException):
-        return explain(error, overrides)
-    return error if isinstance(error, ConfigError) else explain_unchosen(overrides)
 
 
 def _compose(

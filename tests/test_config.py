@@ -49,6 +49,8 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "num_seeds": 1,
         "alpha": 0.4,
         "alpha_decay": 0.99,
+        "step_size": "decay",
+        "kappa": 2,
         "gamma": 0.95,
         "exploration": "epsilon_greedy",
         "epsilon": 0.1,
@@ -153,6 +155,12 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1"),
         ("evaluation.every=3", "situations=200: must be a whole multiple of evaluation.every=3"),
         ("situations=0", "situations=0: must be a whole number >= 1"),
+        (
+            "step_size=foo",
+            "step_size=foo: must be alpha_bound or constant or decay or obgd",
+        ),
+        ("step_siz=obgd", "step_siz=obgd: there is no step_siz; did you mean step_size?"),
+        ("kappa=1", "kappa=1.0: must be a number in (1, inf)"),
         ("action.candidates=1", "action.candidates=1: must be a whole number >= 2"),
         ("machine.device=tpu", "machine.device=tpu: must be cpu, cuda or cuda:N"),
         ("~lam", "lam=???: must be a number in [0, 1]"),
@@ -183,6 +191,23 @@ def test_a_mistake_is_one_line(override, line):
     with pytest.raises(ConfigError) as refused:
         load_config(override)
     assert str(refused.value) == line
+
+
+@pytest.mark.parametrize(
+    "given", [("step_size=obgd", "alpha=0.1"), ("alpha=0.1", "step_size=obgd")]
+)
+def test_a_step_size_brings_its_values_and_yields_to_the_users(given):
+    config = load_config(*given)
+    assert (config.step_size, config.alpha, config.alpha_decay) == ("obgd", 0.1, 1)
+    assert load_config("step_size=obgd").alpha == 1
+
+
+def test_a_constant_does_not_decay():
+    assert load_config("step_size=constant", "alpha_decay=1").alpha_decay == 1
+    with pytest.raises(
+        ConfigError, match=r"^alpha_decay=0\.9: must be 1 where step_size=constant$"
+    ):
+        load_config("step_size=constant", "alpha_decay=0.9")
 
 
 def test_the_last_seed_fits_63_bits(default):
