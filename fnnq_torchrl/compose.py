@@ -70,6 +70,8 @@ def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
     """
     if "group override must be" in str(error):
         return _no_choice(overrides)
+    if isinstance(error, AssertionError) and (unchosen := _unchosen(overrides)):
+        return unchosen
     cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error
     message = " ".join(str(error).split()) or f"Hydra can't do that: {_origin(error)}"
     if isinstance(cause, OmegaConfBaseException):
@@ -77,9 +79,11 @@ def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
         if key.partition(".")[0] == "hydra":
             return ConfigError(message + _advice_on_hydra(key))
         return refusal(cause, _given(key, overrides))
-    if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
-        return OutOfRange(group, choice, " or ".join(error.options))
+        # Of a choice that stands in a list Hydra doesn't say what else there is.
+        if options := error.options or _choices(group):
+            return OutOfRange(group, choice, " or ".join(options))
     if isinstance(error, OverrideParseException):
         return ConfigError(f"{error.override}: {_advice_on_parsing(error.override, overrides)}")
     for override in overrides:
@@ -99,13 +103,29 @@ def _no_choice(overrides: Sequence[str]) -> ConfigError:
     wrong = []
     for override in overrides:
         group, _, value = override.partition("=")
-        choices = sorted(path.stem for path in (config_directory() / group).glob("*.yaml"))
+        choices = _choices(group)
         if group in allowed(Config) or "." in group or value in choices:
             continue
         if group and choices:
             return OutOfRange(group, value, " or ".join(choices))
         wrong.append(override)
     return ConfigError(f"{' '.join(wrong)}: must name one of the choices of a group")
+
+
+def _choices(group: str) -> list[str]:
+    """The files of a group of ours."""
+    return sorted(path.stem for path in (config_directory() / group).glob("*.yaml"))
+
+
+def _unchosen(overrides: Sequence[str]) -> ConfigError | None:
+    """Of settings, one of a logger that isn't chosen, on which OmegaConf fails an assertion."""
+    chosen = " ".join(override for override in overrides if key_of(override) == "logger")
+    for override in overrides:
+        group, _, below = key_of(override).partition(".")
+        name = below.partition(".")[0]
+        if group == "logger" and name and name not in chosen:
+            return ConfigError(f"{override}: {name} isn't chosen; 'logger=[csv,{name}]' does that")
+    return None
 
 
 class SeveralValues(ConfigError):

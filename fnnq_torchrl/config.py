@@ -6,7 +6,7 @@ that a mistake is told before anything heavy is loaded.
 
 import difflib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
@@ -33,6 +33,7 @@ from envs.ranges import (
     whole,
 )
 from envs.world import World
+from fnnq_torchrl.logger_config import LoggerConfig
 from fnnq_torchrl.value_config import VALUES, ValueConfig
 
 __all__ = [
@@ -141,6 +142,7 @@ class Config(Parameters):
     evaluation: EvaluationConfig
     machine: MachineConfig
     checkpoint: CheckpointConfig
+    logger: LoggerConfig = field(default_factory=LoggerConfig)  # of none but the result files
 
     def __post_init__(self) -> None:
         check(self)

@@ -153,7 +153,9 @@ def _read_job(directory: Path) -> Job:
         config = to_config(node)
     except ConfigError as error:
         raise ValueError(f"{path}: {error}") from error
-    return Job(dict(_flat(asdict(config))), read_evaluations(directory / "evaluations.csv"))
+    settings = asdict(config)
+    del settings["logger"]  # which has other keys for each choice, and no say in the results
+    return Job(dict(_flat(settings)), read_evaluations(directory / "evaluations.csv"))
 
 
 def _flat(settings: Mapping[Any, Any], group: str = "") -> list[tuple[str, Any]]:

@@ -18,6 +18,7 @@ from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.figures import learning_curve
 from fnnq_torchrl.interruptions import Interrupted, Interruptions
 from fnnq_torchrl.keeper import Hand, HandsKeeper
+from fnnq_torchrl.loggers import Loggers
 from fnnq_torchrl.memory import check_memory
 from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
@@ -75,7 +76,7 @@ def run_batches(
         OutOfRange: a device isn't there; before any batch begins.
         ConfigError: a batch needs more memory than there is, or a saved training isn't this one's,
             or is damaged; before any batch begins. Or an engine is to compile, and the compiler
-            isn't there, or fails.
+            isn't there, or fails; or a logger's library isn't there, or a login that it's to use.
         Interrupted: a signal has ended the work, which is saved.
         Lost: a signal has ended the work, which couldn't be saved.
     """
@@ -88,13 +89,30 @@ def run_batches(
             clear_leftovers(job.directory)
     for batch in batches:
         _check_saved(batch)
-    for batch in batches:
+    for batch, loggers in [*zip(batches, _loggers(batches), strict=True)]:
+        results: list[float | Exception]
         try:
-            yield _run_batch(batch, pictures)
+            results = _run_batch(batch, pictures)
         except (ConfigError, Interrupted):
             raise
         except Exception as error:  # a bug, or too little memory: the other batches may do
-            yield [error] * len(batch)
+            results = [error] * len(batch)
+        # Of jobs whose files are there, and in this thread: not all loggers know of others.
+        logged = zip(batch, results, strict=True)
+        loggers.log_jobs(job for job, result in logged if isinstance(result, float))
+        yield results
+
+
+def _loggers(batches: Sequence[Sequence[Job]]) -> list[Loggers]:
+    """Of each batch; batches with the same configuration of it share theirs."""
+    of_each = [repr(batch[0].config.logger) for batch in batches]
+    jobs: dict[str, list[Job]] = {key: [] for key in of_each}
+    for key, batch in zip(of_each, batches, strict=True):
+        jobs[key] += batch
+    made = {key: Loggers(of[0].config.logger) for key, of in jobs.items()}
+    for key, loggers in made.items():
+        loggers.foresee(jobs[key])
+    return [made[key] for key in of_each]
 
 
 def _check_machine(config: Config) -> None:
@@ -180,7 +198,9 @@ def _write(job: Job, outcome: Outcome, weights: TensorDictBase, pictures: bool) 
     directory, config = job.directory, job.config
     evaluations = directory / "evaluations.csv"
     (directory / "summary.json").unlink(missing_ok=True)  # an earlier one isn't of these files
-    save_checkpoint(directory / "checkpoint.pt", weights, outcome.seed, outcome.lam, asdict(config))
+    settings = asdict(config)
+    del settings["logger"]  # which has no say in the weights, and may not be there where they go
+    save_checkpoint(directory / "checkpoint.pt", weights, outcome.seed, outcome.lam, settings)
     write_evaluations(evaluations, outcome)
     if pictures:
         picture = directory / "learning_curve.png"

@@ -84,6 +84,8 @@ class Multirun:
         self._log()
         self._jobs += jobs
         self._write_whole()
+        if missing:
+            self._log_whole()
         return returns
 
     def _run(self, jobs: Sequence[SweptJob], pictures: bool) -> dict[Path, Result]:
@@ -158,6 +160,14 @@ class Multirun:
 def _damaged(error: ValueError) -> JobFailed:
     """Of a result file that a finished job left."""
     return JobFailed(f"{error}; without its summary.json, the job is computed again")
+
+    def _log_whole(self) -> None:
+        """What the loggers of its jobs have on the sweep as a whole."""
+        from fnnq_torchrl.loggers import Loggers, SweepResults
+
+        directory = Path(self._config.hydra.sweep.dir).absolute()
+        for config in {repr(job.config.logger): job.config.logger for job in self._jobs}.values():
+            Loggers(config).log_sweep(SweepResults(directory, len(self._jobs)))
 
 
 def _check_directories(jobs: Sequence[SweptJob]) -> None:

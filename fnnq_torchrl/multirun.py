@@ -18,8 +18,8 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from fnnq_torchrl.atomic import atomic_write
-from fnnq_torchrl.batches import BATCHABLE, SAVING, Job
-from fnnq_torchrl.compose import explain, key_of
+from fnnq_torchrl.batches import ASIDE, BATCHABLE, Job
+from fnnq_torchrl.compose import explain, is_of_hydra, key_of
 from fnnq_torchrl.config import ConfigError, to_config
 
 _WHOLE, _DECIMAL = r"0|[1-9]\d*", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -64,7 +64,7 @@ class SweptJob:
     @property
     def job(self) -> Job:
         """Without Hydra, to be trained."""
-        return Job(self.config, self.directory)
+        return Job(self.config, self.directory, Path(self._template.sweep_directory).absolute())
 
     def node(self) -> DictConfig:
         """As Hydra composes it, with the ``hydra`` node. Takes its time."""
@@ -156,7 +156,7 @@ class SweptJob:
             return False
         ours, theirs = _flat(yaml.safe_load(self.configuration())), _flat(plain)
         for key in ours | theirs:
-            if key.partition(".")[0] not in SAVING and ours.get(key) != theirs.get(key):
+            if key.partition(".")[0] not in ASIDE and ours.get(key) != theirs.get(key):
                 raise ConfigError(
                     f"{self}: {self.directory} holds a job with {key}={theirs.get(key)}, not "
                     f"{key}={ours.get(key)}; name another directory in hydra.sweep.dir"
@@ -223,7 +223,9 @@ def compose_jobs(
     for number, overrides in enumerate(job_overrides, start=first):
         try:
             jobs.append(_compose(loader, master, number, overrides, templates))
-        except (ConfigError, HydraException, OmegaConfBaseException) as error:
+        except (AssertionError, ConfigError, HydraException, OmegaConfBaseException) as error:
+            if isinstance(error, AssertionError) and not is_of_hydra(error):
+                raise
             told = error if isinstance(error, ConfigError) else explain(error, overrides)
             alone = len(job_overrides) == 1
             line = str(told) if alone else f"{_name(number, overrides)}: {told}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from fnnq_torchrl.batches import BATCHABLE, SAVING
+from fnnq_torchrl.batches import ASIDE, BATCHABLE
 from fnnq_torchrl.config import Config, ConfigError
 from fnnq_torchrl.keeper import Hand
 from fnnq_torchrl.ledger import Ledger
@@ -17,7 +17,7 @@ FORMAT = 2
 NAME = "training.pt"
 
 # In what learning doesn't depend on; which engine it is tells the identity by itself.
-_NO_MATTER = (*SAVING, "engine", *BATCHABLE)
+_NO_MATTER = (*ASIDE, "engine", *BATCHABLE)
 
 
 class SavedTraining:

@@ -32,6 +32,10 @@ CHOICES = {
     for path in sorted(FILES - {Path("config.yaml")})
 }
 
+EVERY_LOGGER = "logger=[csv,wandb,tensorboard,mlflow]"
+NONSENSE = "non/sense " * 30
+"""Too long and too odd even for a name."""
+
 
 @pytest.fixture(scope="module")
 def default() -> Config:
@@ -87,6 +91,7 @@ def test_the_defaults_are_the_papers_and_spec(default):
             "situations": [[0.8, 0.1], [-0.8, -0.1], [0.4, -0.15], [-0.4, 0.15], [0, 0.12]],
         },
         "machine": {"device": "cpu", "dtype": "float32"},
+        "logger": {"wandb": None, "tensorboard": None, "mlflow": None},
     }
 
 
@@ -113,11 +118,11 @@ def test_overrides_reach_their_keys():
     ],
 )
 def test_every_key_has_a_type_and_a_range(kind, key):
-    values = OmegaConf.create(asdict(load_config(f"value={kind}")))
-    OmegaConf.update(values, key, "nonsense")
+    values = OmegaConf.create(asdict(load_config(f"value={kind}", EVERY_LOGGER)))
+    OmegaConf.update(values, key, NONSENSE)
     with pytest.raises(ConfigError) as refused:
         to_config(values)
-    assert str(refused.value) == f"{key}=nonsense: must be {ranges_of(kind)[key]}"
+    assert str(refused.value) == f"{key}={NONSENSE}: must be {ranges_of(kind)[key]}"
 
 
 def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
@@ -162,6 +167,12 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ("lam=${nowhere}", "lam: Interpolation key 'nowhere' not found"),
         ("lam=[", "lam=[: can't be read as key=value"),
         ("speed_mps=1", "speed_mps=1: there is no speed_mps; did you mean env.speed_mps?"),
+        ("logger=nope", "logger=nope: must be csv or mlflow or tensorboard or wandb"),
+        ("logger=[csv,nope]", "logger=nope: must be csv or mlflow or tensorboard or wandb"),
+        (
+            "logger.wandb.per=run",
+            "logger.wandb.per=run: wandb isn't chosen; 'logger=[csv,wandb]' does that",
+        ),
         ("envs=follow_ball", "envs=follow_ball: there is no envs; did you mean env?"),
         ("env={sped: 1}", "env.sped: there is no env.sped; did you mean env.speed_mps?"),
         (

@@ -26,6 +26,7 @@ FLOORS = {
     "fnnq_torchrl.interruptions": 0,
     "fnnq_torchrl.lanes": 0,
     "fnnq_torchrl.layout": 0,
+    "fnnq_torchrl.logger_config": 0,
     "fnnq_torchrl.loops": 0,
     "fnnq_torchrl.membership": 0,
     "fnnq_torchrl.plain": 1,
@@ -55,6 +56,7 @@ FLOORS = {
     "fnnq_torchrl.keeper": 3,
     "fnnq_torchrl.learning": 3,
     "fnnq_torchrl.ledger": 3,
+    "fnnq_torchrl.loggers": 3,
     "fnnq_torchrl.memory": 3,
     "fnnq_torchrl.native": 3,
     "fnnq_torchrl.program": 3,
@@ -78,18 +80,21 @@ FLOORS = {
 }
 # Who may import what is slow to load, or belongs at the edge.
 ONLY_IN = {
+    "gymnasium": {"envs.gymnasium_face"},
     "hydra": {name for name, height in FLOORS.items() if height == 4},
     "matplotlib": {
         f"fnnq_torchrl.figures{module}"
         for module in ("", ".curves", ".dots", ".gallery", ".lines", ".readings", ".style")
     },
     "submitit": {"fnnq_torchrl.cluster"},
-    "wandb": set(),
+    "mlflow": {"fnnq_torchrl.loggers.mlflow"},
+    "PIL": {"fnnq_torchrl.loggers.tensorboard"},
+    "wandb": {"fnnq_torchrl.loggers.wandb"},
 }
 
 
 # Of an extra, and imported only where a user asks for it.
-OPTIONAL = {"submitit"}
+OPTIONAL = {"PIL", "gymnasium", "mlflow", "submitit", "wandb"}
 
 
 def module_name(path: Path) -> str:

@@ -11,7 +11,7 @@ import torch
 
 from envs.world import World
 from fnnq_torchrl import job as job_module
-from fnnq_torchrl.batches import Job, as_one
+from fnnq_torchrl.batches import ASIDE, Job, as_one
 from fnnq_torchrl.checkpoint import load_checkpoint
 from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import (
@@ -100,7 +100,7 @@ def test_every_key_is_read_by_something(monkeypatch):
     trainer.learn()
     trainer.evaluate()
 
-    read |= {(Config, "resume"), (Config, "checkpoint")}  # by the job: see below
+    read |= {(Config, key) for key in ASIDE}  # by the job: see below, and by the loggers
     assert read == {(schema, name) for schema in SCHEMAS for name in schema.__dataclass_fields__}
 
 
