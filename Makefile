@@ -6,11 +6,13 @@ STAMP := $(VENV)/installed
 # A picture of each job would take longer than the jobs.
 EXPERIMENT := $(BIN)/python -m fnnq_torchrl.train hydra.launcher.pictures_up_to=0
 SEEDS := 1000
+KILLS := 25
+STEPS := 10
 JAX := benchmarks/.jax
 SB3 := benchmarks/peers/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction test test-wheel bench bench-jax peers agreement lint format clean
+.PHONY: help install run figures reproduction adaptive test test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -30,6 +32,10 @@ reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 se
 	for name in traces decay exploration variants open_choices; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction
 
+adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 seeds (SEEDS=22: fewer)
+	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
+	$(BIN)/python -m fnnq_torchrl.adaptive
+
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto
 
@@ -40,10 +46,19 @@ test-wheel: install  ## build the wheel, install it in an empty environment and 
 	mkdir dist/elsewhere && cd dist/elsewhere && ../empty/bin/python -m fnnq_torchrl.train situations=5 num_seeds=2
 	test -f dist/elsewhere/outputs/*/summary.json
 
+torture: install  ## kill jobs at random moments, have them go on, compare what they leave (KILLS=25)
+	$(BIN)/python benchmarks/torture.py --kills $(KILLS)
+
+soak: install  ## does memory grow with the learning steps? (STEPS=10 million)
+	$(BIN)/python benchmarks/soak.py --steps $(STEPS)
+
 bench: install  ## measure the figures of the README and docs/performance.md (SPEED=--large: 100,000 runs too)
 	-@$(MAKE) --no-print-directory bench-jax
 	$(BIN)/python benchmarks/command.py
 	$(BIN)/python benchmarks/speed.py --write docs/performance.md $(SPEED)
+
+bench-loggers: install  ## how long it takes to log 1,000 runs, for docs/loggers.md
+	$(BIN)/python benchmarks/loggers.py
 
 agreement: install  ## do 2,000 runs learn the same, eager and compiled? Takes minutes
 	$(BIN)/python benchmarks/agreement.py

@@ -6,13 +6,14 @@ that a mistake is told before anything heavy is loaded.
 
 import difflib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import (
     ConfigAttributeError,
     ConfigKeyError,
+    ConfigTypeError,
     MissingMandatoryValue,
     OmegaConfBaseException,
     ValidationError,
@@ -28,13 +29,17 @@ from envs.ranges import (
     number,
     one_of,
     pairs,
+    parameters,
     whole,
 )
-from envs.world import OBSERVATIONS, World
+from envs.world import World
+from fnnq_torchrl.logger_config import LoggerConfig
+from fnnq_torchrl.value_config import VALUES, ValueConfig
 
 __all__ = [
     "EXPLORATIONS",
     "PER_RUN",
+    "STEP_SIZES",
     "TRACES",
     "VARIANTS",
     "ActionConfig",
@@ -42,10 +47,10 @@ __all__ = [
     "Config",
     "ConfigError",
     "EvaluationConfig",
-    "FNNQConfig",
     "MachineConfig",
     "OutOfRange",
     "UnknownKey",
+    "ranges_of",
     "refusal",
     "run_columns",
     "to_config",
@@ -56,6 +61,7 @@ PER_RUN = (
     "lam",
     "alpha",
     "alpha_decay",
+    "kappa",
     "gamma",
     "epsilon",
     "temperature",
@@ -69,26 +75,11 @@ VARIANTS = ("peng", "watkins", "naive")
 TRACES = ("output", "gradient", "replacing", "window")
 """What the trace is; the first two are the readings of step h (`fnnq_torchrl.qlambda.Rule`)."""
 
+STEP_SIZES = ("decay", "constant", "obgd", "alpha_bound")
+"""How large a step is (`fnnq_torchrl.step_size.StepSize`)."""
+
 EXPLORATIONS = {"epsilon_greedy": "epsilon", "boltzmann": "temperature", "noise": "noise_std"}
 """The ways to explore, each with the key that says how much (`fnnq_torchrl.policy`)."""
-
-
-@dataclass
-class FNNQConfig(Parameters):
-    """The fuzzy rule base: the Gaussian labels [centre, width] of every input and of the action."""
-
-    inputs: dict[str, list[Any]] = pairs("centre", "width", above=0)
-    action: list[Any] = pairs("centre", "width", above=0)
-    width: str = one_of("sigma", "variance")
-
-    def contradictions(self) -> Iterator[OutOfRange]:
-        """Inputs that the world doesn't offer, or none at all."""
-        names = ", ".join(OBSERVATIONS)
-        if not self.inputs:
-            yield OutOfRange("inputs", self.inputs, f"labels for at least one of: {names}")
-        for name, labels in self.inputs.items():
-            if name not in OBSERVATIONS:
-                yield OutOfRange(f"inputs.{name}", labels, f"under the name of one of: {names}")
 
 
 @dataclass
@@ -128,8 +119,10 @@ class Config(Parameters):
     lam: float = number(0, 1)
     seed: int = whole(0)
     num_seeds: int = whole(1)
+    step_size: str = one_of(*STEP_SIZES)
     alpha: float = number(0)
     alpha_decay: float = number(above=0, high=1)
+    kappa: float = number(above=1)
     gamma: float = number(0, 1)
     exploration: str = one_of(*EXPLORATIONS)
     epsilon: float = number(0, 1)
@@ -138,22 +131,26 @@ class Config(Parameters):
     variant: str = one_of(*VARIANTS)
     trace: str = one_of(*TRACES)
     window: int = whole(1)
+    diverged_beyond: float = number(above=1)
     engine: str = one_of("auto", "eager", "compiled")
     situations: int = whole(1)
     resume: str = one_of("auto", "never")
 
     env: World
-    value: FNNQConfig
+    value: Any = parameters(VALUES)
     action: ActionConfig
     evaluation: EvaluationConfig
     machine: MachineConfig
     checkpoint: CheckpointConfig
+    logger: LoggerConfig = field(default_factory=LoggerConfig)  # of none but the result files
 
     def __post_init__(self) -> None:
         check(self)
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """A last evaluation before the end of learning; seeds that leave the 63 bits."""
+        """A constant that decays; learning beyond the last evaluation; seeds beyond 63 bits."""
+        if self.step_size == "constant" and self.alpha_decay != 1:
+            yield OutOfRange("alpha_decay", self.alpha_decay, "1 where step_size=constant")
         every = self.evaluation.every
         if self.situations % every:
             multiple = f"a whole multiple of evaluation.every={every}"
@@ -181,15 +178,16 @@ class UnknownKey(ConfigError):
     Args:
         key: the key with its groups.
         value: what was given, if that is known.
+        kind: which value function it is, if that is known.
     """
 
-    def __init__(self, key: str, value: object) -> None:
-        super().__init__(key, value)
-        self.key, self.value = key, value
+    def __init__(self, key: str, value: object, kind: str | None = None) -> None:
+        super().__init__(key, value, kind)
+        self.key, self.value, self.kind = key, value, kind
 
     def __str__(self) -> str:
         given = self.key if self.value is None else f"{self.key}={self.value}"
-        return f"{given}: there is no {self.key}; {_advice(self.key)}"
+        return f"{given}: there is no {self.key}; {_advice(self.key, self.kind)}"
 
 
 def to_config(node: DictConfig) -> Config:
@@ -202,36 +200,73 @@ def to_config(node: DictConfig) -> Config:
         ConfigError: a key is missing or unknown, or its value isn't allowed.
     """
     # As a plain mapping, so that the schema refuses what Hydra lets in by `+key=value`.
-    plain = OmegaConf.to_container(node)
+    plain = cast(dict[str, Any], OmegaConf.to_container(node))
+    kind = _kind(plain)
+    schema = OmegaConf.structured(Config)
+    if kind is not None:
+        schema.value = OmegaConf.structured(VALUES[kind])
     try:
-        return cast(Config, OmegaConf.to_object(OmegaConf.merge(Config, plain)))
+        return cast(Config, OmegaConf.to_object(OmegaConf.merge(schema, plain)))
     except OmegaConfBaseException as error:
         value = OmegaConf.select(node, error.full_key or "", throw_on_resolution_failure=False)
-        raise refusal(error, value) from error
+        raise refusal(error, value, kind) from error
 
 
-def refusal(error: OmegaConfBaseException, given: object) -> ConfigError:
+def _kind(plain: dict[str, Any]) -> str | None:
+    """Which value function composed values are of; none if they leave it out.
+
+    Raises:
+        OutOfRange: there is no such value function.
+    """
+    value = plain.get("value", "???")
+    if value == "???":
+        return None
+    if not isinstance(value, dict):
+        raise OutOfRange("value", value, allowed(Config)["value"])
+    kind = value.get("kind", "???")
+    if kind not in VALUES:
+        raise OutOfRange("value.kind", kind, allowed(ValueConfig)["kind"])
+    return cast(str, kind)
+
+
+def refusal(error: OmegaConfBaseException, given: object, kind: str | None = None) -> ConfigError:
     """What OmegaConf refuses, in one line that says what is allowed.
 
     Args:
         error: OmegaConf's own, which takes several lines and doesn't say.
         given: what the user gave for the key, for the errors that don't hold it.
+        kind: which value function it is, if that is known.
     """
-    key = error.full_key or ""
+    key, ranges = error.full_key or "", ranges_of(kind)
     if isinstance(error, ConfigKeyError | ConfigAttributeError):
-        return UnknownKey(key, given)
+        return UnknownKey(key, given, kind)
     # What stands in a mapping has no range of its own but the mapping's.
-    words = allowed(Config).get(key) or allowed(Config).get(_group(key))
+    words = ranges.get(key) or ranges.get(_group(key))
+    if below := [_name(each) for each in ranges if each.startswith(f"{key}.")]:
+        words = words or f"a mapping of {', '.join(below)}"
     if isinstance(error, MissingMandatoryValue) and words:
         return OutOfRange(key, "???", words)
-    if isinstance(error, ValidationError) and words:
-        return OutOfRange(key, given if error.value is None else error.value, words)
+    if isinstance(error, ValidationError | ConfigTypeError) and words:
+        value = getattr(error, "value", None)
+        return OutOfRange(key, given if value is None else value, words)
     return ConfigError(f"{key}: {str(error).splitlines()[0]}")
 
 
-def _advice(unknown: str) -> str:
+def ranges_of(kind: str | None = None) -> dict[str, str]:
+    """What each key may hold, in words that complete "must be".
+
+    Args:
+        kind: of value function; the keys of all kinds, if not given.
+    """
+    ranges = allowed(Config)
+    for schema in VALUES.values() if kind is None else [VALUES[kind]]:
+        ranges |= allowed(schema, "value.")
+    return ranges
+
+
+def _advice(unknown: str, kind: str | None) -> str:
     """Points to the key of the same name elsewhere, or to the nearest spelling beside it."""
-    keys = list(allowed(Config))
+    keys = [*ranges_of(kind)]
     keys += dict.fromkeys(_group(key) for key in keys if _group(key))
     beside = {_name(key): key for key in keys if _group(key) == _group(unknown)}
     same = [key for key in keys if _name(key) == _name(unknown)]

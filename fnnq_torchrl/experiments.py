@@ -80,6 +80,17 @@ class Experiment:
             raise NoResults(f"{self.name} has {len(found)} jobs with {words}, not one")
         return found[0]
 
+    def where(self, key: str, value: Any) -> "Experiment":
+        """The same with only the jobs that have this value.
+
+        Raises:
+            NoResults: there is none.
+        """
+        jobs = [job for job in self.jobs if job.settings.get(key) == value]
+        if not jobs:
+            raise NoResults(f"{self.name} has no jobs with {key}={value}")
+        return Experiment(self.name, jobs)
+
     def values(self, key: str) -> list[Any]:
         """The different values of a key, in the order of the jobs."""
         return list(dict.fromkeys(job.settings[key] for job in self.jobs))
@@ -131,9 +142,9 @@ def _finished(job: Path) -> bool:
 
 def _read_job(directory: Path) -> Job:
     path = directory / ".hydra" / "config.yaml"
-    text = path.read_text(encoding="utf-8")
+    data = path.read_bytes()
     try:
-        node = OmegaConf.create(text)
+        node = OmegaConf.create(data.decode())
     except Exception as error:  # nearly any, of what isn't YAML
         raise ValueError(f"{path} is not a configuration") from error
     if not isinstance(node, DictConfig):
@@ -142,7 +153,9 @@ def _read_job(directory: Path) -> Job:
         config = to_config(node)
     except ConfigError as error:
         raise ValueError(f"{path}: {error}") from error
-    return Job(dict(_flat(asdict(config))), read_evaluations(directory / "evaluations.csv"))
+    settings = asdict(config)
+    del settings["logger"]  # which has other keys for each choice, and no say in the results
+    return Job(dict(_flat(settings)), read_evaluations(directory / "evaluations.csv"))
 
 
 def _flat(settings: Mapping[Any, Any], group: str = "") -> list[tuple[str, Any]]:

@@ -22,7 +22,9 @@ class Ledger:
 
     Attributes:
         book: the snapshots.
-        learned: situations learned from, int64 ``[runs]``.
+        learned: situations learned from, int64 ``[runs]``; all, for a run that has diverged.
+        diverged: whether a run had diverged when an evaluation was due, bool ``[evaluations,
+            runs]``. Such an evaluation is not played and has no catch.
         hands: runs that have begun to learn, and their states.
         played: whether each snapshot has played each situation, bool
             ``[evaluations, runs, situations]``.
@@ -31,7 +33,7 @@ class Ledger:
 
     Args:
         columns: by each key of `PER_RUN` the values of all runs, ``[runs]``.
-        weights: of a run before learning, by name, with any number of runs first.
+        weights: of the runs before learning, by name, each ``[runs, *weights]``.
         every: situations from one evaluation to the next.
         evaluations: how many there are, the one before learning included.
         tests: situations in each.
@@ -47,14 +49,36 @@ class Ledger:
     ) -> None:
         runs = len(columns["seed"])
         self._columns = columns
-        self.book = SnapshotBook(weights, runs, every, evaluations)
+        self.book = SnapshotBook(weights, every, evaluations)
         self.learned = torch.zeros(runs, dtype=torch.int64)
+        self.diverged = torch.zeros(evaluations, runs, dtype=torch.bool)
         self.hands: Sequence[Hand] = ()
         self.played = torch.zeros(evaluations, runs, tests, dtype=torch.bool)
         self.catches = torch.zeros(evaluations, runs, dtype=torch.int64)
         self.seconds: dict[str, float] = defaultdict(float, dict.fromkeys(_SECONDS, 0.0))
         self._running: list[str] = []
         self._since = 0.0
+
+    def stop(self, runs: Tensor, steps: Tensor) -> None:
+        """Runs have diverged: the last snapshot of each stands for all that were to come.
+
+        Args:
+            runs: their numbers, int64 ``[stopped]``.
+            steps: that they have taken, int64 ``[stopped]``.
+        """
+        self.book.close(runs, steps)
+        due = torch.arange(len(self.diverged)).unsqueeze(-1)
+        self._leave_out(runs, due > self.book.collected[runs])
+
+    def stop_where_not_finite(self) -> None:
+        """A last step may have led to weights that no Q was computed from."""
+        weights = self.book.pages["weights"].flatten_keys(".").values()
+        finite = [weight.isfinite().flatten(2).all(-1) for weight in weights]
+        self._leave_out(slice(None), ~torch.stack(finite).all(0).cpu())
+
+    def _leave_out(self, runs: Tensor | slice, evaluations: Tensor) -> None:
+        self.diverged[:, runs] |= evaluations
+        self.played[:, runs] |= evaluations.unsqueeze(-1)
 
     @contextmanager
     def timed(self, what: str) -> Iterator[None]:
@@ -87,6 +111,7 @@ class Ledger:
             "steps": pages["steps"],
             "collected": self.book.collected,
             "learned": self.learned,
+            "diverged": self.diverged,
             "hands": [(jobs, state.to_dict()) for jobs, state in hands],
             "played": self.played,
             "catches": self.catches,
@@ -101,16 +126,22 @@ class Ledger:
 
         Returns:
             Whether all the runs are there; if not, nothing has changed.
+
+        Raises:
+            AttributeError, LookupError, RuntimeError, TypeError, ValueError: it is nothing that
+                :meth:`state_dict` gave.
         """
         if (rows := _find(self._runs(), saved["runs"])) is None:
             return False
         pages = self.book.pages
-        pages["weights"].update_(TensorDict(saved["weights"], saved["steps"].shape)[:, rows])
-        pages["steps"].copy_(saved["steps"][:, rows])
-        self.book.collected.copy_(saved["collected"][rows])
-        self.learned.copy_(saved["learned"][rows])
-        self.played.copy_(saved["played"][:, rows])
-        self.catches.copy_(saved["catches"][:, rows])
+        for name, weight in pages["weights"].items():
+            _copy(weight, saved["weights"][name][:, rows])
+        _copy(pages["steps"], saved["steps"][:, rows])
+        _copy(self.book.collected, saved["collected"][rows])
+        _copy(self.learned, saved["learned"][rows])
+        _copy(self.diverged, saved["diverged"][:, rows])
+        _copy(self.played, saved["played"][:, rows])
+        _copy(self.catches, saved["catches"][:, rows])
         place = torch.full((len(saved["runs"]),), -1).index_copy(0, rows, torch.arange(len(rows)))
         self.hands = [
             (place[jobs][here], TensorDict(state, jobs.shape)[here].to(pages.device))
@@ -128,6 +159,13 @@ class Ledger:
             if key != "seed"
         ]
         return torch.stack([torch.tensor(self._columns["seed"]), *columns], -1)
+
+
+def _copy(into: Tensor, saved: Tensor) -> None:
+    """Copy what is of the same kind; nothing is repeated or converted to fit."""
+    if saved.shape != into.shape or saved.dtype != into.dtype:
+        raise ValueError(f"{saved.dtype} {saved.shape} is not {into.dtype} {into.shape}")
+    into.copy_(saved)
 
 
 def _find(runs: Tensor, among: Tensor) -> Tensor | None:

@@ -5,7 +5,8 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self, TypedDict, cast
+from types import UnionType
+from typing import Any, Self, TypedDict, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,14 @@ from fnnq_torchrl.atomic import atomic_write
 from fnnq_torchrl.stats import mean_interval
 
 # The columns of evaluations.csv. They stay first and in this order for good.
-EVALUATION_COLUMNS = ("seed", "lam", "situations", "steps", "catches")
+EVALUATION_COLUMNS = ("seed", "lam", "situations", "steps", "catches", "diverged")
 CONFIDENCE = 0.95
 # The final score is the mean over this many last evaluations.
 FINAL_EVALUATIONS = 8
 
-_DTYPES = {name: np.dtype("f8" if name == "lam" else "i8") for name in EVALUATION_COLUMNS}
+_DTYPES = {
+    name: np.dtype({"lam": "f8", "diverged": "?"}.get(name, "i8")) for name in EVALUATION_COLUMNS
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +39,11 @@ class Evaluations:
     situations: NDArray[np.int64]  # [evaluations], learning situations before each; starts at 0
     steps: NDArray[np.int64]  # [runs, evaluations], learning steps of the run so far
     catches: NDArray[np.int64]  # [runs, evaluations], the score: situations that end in a catch
+    diverged: NDArray[np.bool_]  # [runs, evaluations], whether the run had; it then has no catch
 
     def __post_init__(self) -> None:
         runs, evaluations = self.seed.size, self.situations.size
-        shapes = ((runs,), (runs,), (evaluations,), (runs, evaluations), (runs, evaluations))
+        shapes = ((runs,), (runs,), (evaluations,), *[(runs, evaluations)] * 3)
         for name, shape in zip(EVALUATION_COLUMNS, shapes, strict=True):
             array = getattr(self, name)
             if array.shape != shape or array.dtype != _DTYPES[name]:
@@ -66,6 +70,11 @@ class Evaluations:
         return int(self.steps[:, -1].sum())
 
     @property
+    def diverged_runs(self) -> int:
+        """How many runs have diverged."""
+        return int(self.diverged[:, -1].sum())
+
+    @property
     def mean_score(self) -> NDArray[np.float64]:
         """Mean score of each run after learning began, so without its first: ``[runs]``."""
         return self.catches[:, 1:].mean(axis=1)
@@ -88,6 +97,7 @@ class Outcome(Evaluations):
     train_seconds: float  # learning, without the two below
     compile_seconds: float
     evaluate_seconds: float
+    denormal: NDArray[np.bool_]  # [runs], whether some of the learned weights are subnormal numbers
 
     def of(self, runs: slice) -> Self:
         """What came of some of the runs; the batch stays the one they were in."""
@@ -97,6 +107,8 @@ class Outcome(Evaluations):
             lam=self.lam[runs],
             steps=self.steps[runs],
             catches=self.catches[runs],
+            diverged=self.diverged[runs],
+            denormal=self.denormal[runs],
         )
 
 
@@ -104,6 +116,7 @@ class Summary(TypedDict):
     """The keys of summary.json, in their order. Scores are catches; intervals are [low, high]."""
 
     runs: int
+    diverged_runs: int  # they count as catching nothing from then on
     lam: list[float]  # the distinct values, rising
     learning_steps: int  # of all runs together
     # Of the batch: jobs that were trained together share these.
@@ -117,6 +130,7 @@ class Summary(TypedDict):
     final_score: float
     final_score_interval: list[float] | None
     confidence: float
+    denormal_runs: int  # with subnormal numbers among the learned weights
 
 
 def summarise(outcome: Outcome) -> Summary:
@@ -126,6 +140,7 @@ def summarise(outcome: Outcome) -> Summary:
     seconds = outcome.train_seconds
     return Summary(
         runs=outcome.runs,
+        diverged_runs=outcome.diverged_runs,
         lam=np.unique(outcome.lam).tolist(),
         learning_steps=outcome.learning_steps,
         batch_runs=outcome.batch_runs,
@@ -138,6 +153,7 @@ def summarise(outcome: Outcome) -> Summary:
         final_score=final_score,
         final_score_interval=final_score_interval,
         confidence=CONFIDENCE,
+        denormal_runs=int(outcome.denormal.sum()),
     )
 
 
@@ -165,13 +181,30 @@ def read_summary(path: Path) -> Summary:
         OSError: the file cannot be read.
         ValueError: it is not a summary.json; the message names the file.
     """
+    data = path.read_bytes()
     try:
-        summary = json.loads(path.read_bytes())
-    except ValueError as error:
+        summary = json.loads(data, parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not a summary: {error}") from error
-    if not isinstance(summary, dict) or not summary.keys() >= Summary.__annotations__.keys():
+    hints = get_type_hints(Summary)
+    if not isinstance(summary, dict) or not all(
+        key in summary and _is_of(summary[key], hint) for key, hint in hints.items()
+    ):
         raise ValueError(f"{path} is not a complete summary")
     return cast(Summary, summary)
+
+
+def _no_number(name: str) -> float:
+    raise ValueError(f"it holds {name}")
+
+
+def _is_of(value: object, hint: Any) -> bool:
+    """Whether a value read from JSON is of one of the types of a `Summary`."""
+    if isinstance(hint, UnionType):
+        return any(_is_of(value, each) for each in get_args(hint))
+    if get_origin(hint) is list:
+        return isinstance(value, list) and all(_is_of(each, float) for each in value)
+    return type(value) in {float: (int, float)}.get(hint, (hint,))
 
 
 def write_evaluations(path: Path, evaluations: Evaluations) -> None:
@@ -184,11 +217,17 @@ def write_evaluations(path: Path, evaluations: Evaluations) -> None:
 def _rows_of_each_run(evaluations: Evaluations) -> Iterator[bytes]:
     # Python's own numbers, since formatting NumPy's is several times slower.
     situations = evaluations.situations.tolist()
-    of_each_run = (evaluations.seed, evaluations.lam, evaluations.steps, evaluations.catches)
-    for seed, lam, steps, catches in zip(*(a.tolist() for a in of_each_run), strict=True):
-        run = f"{seed},{lam!r},"  # repr is the shortest text that reads back exactly
-        rows = zip(situations, steps, catches, strict=True)
-        yield "".join(f"{run}{after},{taken},{score}\n" for after, taken, score in rows).encode()
+    of_each_run = (
+        evaluations.seed,
+        evaluations.lam,
+        evaluations.steps,
+        evaluations.catches,
+        evaluations.diverged.astype(int),
+    )
+    for seed, lam, *columns in zip(*(a.tolist() for a in of_each_run), strict=True):
+        run = f"{seed},{lam!r}"  # repr is the shortest text that reads back exactly
+        rows = zip(situations, *columns, strict=True)
+        yield "".join(f"{run},{a},{b},{c},{d}\n" for a, b, c, d in rows).encode()
 
 
 def read_evaluations(path: Path) -> Evaluations:
@@ -206,16 +245,19 @@ def read_evaluations(path: Path) -> Evaluations:
 
 def _parse_evaluations(text: str) -> Evaluations:
     header, _, body = text.partition("\n")
-    columns = header.split(",")[: len(EVALUATION_COLUMNS)]
-    if columns != list(EVALUATION_COLUMNS):
+    # Before there was the last one, runs that diverged had no result.
+    known = EVALUATION_COLUMNS if EVALUATION_COLUMNS[-1] in header else EVALUATION_COLUMNS[:-1]
+    if tuple(header.split(",")[: len(known)]) != known:
         raise ValueError(f"its columns must begin {','.join(EVALUATION_COLUMNS)}")
+    if not body.strip():
+        raise ValueError("it has no rows")
     if not body.endswith("\n"):
-        raise ValueError("its last row is cut short" if body else "it has no rows")
+        raise ValueError("its last row is cut short")
     table = np.loadtxt(
         io.StringIO(body),
-        dtype=list(_DTYPES.items()),
+        dtype=[(name, _DTYPES[name]) for name in known],
         delimiter=",",
-        usecols=range(len(EVALUATION_COLUMNS)),
+        usecols=range(len(known)),
         comments=None,
     )
 
@@ -235,4 +277,5 @@ def _parse_evaluations(text: str) -> Evaluations:
         situations=table["situations"][0],
         steps=table["steps"],
         catches=table["catches"],
+        diverged=table["diverged"] if "diverged" in known else np.zeros(table.shape, dtype=bool),
     )

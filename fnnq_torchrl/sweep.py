@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fnnq_torchrl.atomic import atomic_write
+from fnnq_torchrl.atomic import atomic_write, clear_leftovers
 from fnnq_torchrl.figures import Curve, sweep_curves
 from fnnq_torchrl.report import print_sweep
 from fnnq_torchrl.results import (
@@ -26,6 +26,7 @@ _SYMBOLS = {
     "lam": "λ",
     "alpha": "α",
     "alpha_decay": "α decay",
+    "kappa": "κ",
     "gamma": "γ",
     "epsilon": "ε",
     "noise_std": "σ",
@@ -61,6 +62,7 @@ def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
         OSError: a file can't be read or written.
         ValueError: a result file is damaged; the message names it.
     """
+    clear_leftovers(directory)
     keys = swept_keys(jobs)
     finished = {
         job.number: read_summary(path)
@@ -154,7 +156,7 @@ def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
         groups.setdefault(kind, []).append(read_evaluations(job.directory / "evaluations.csv"))
     return [
         Curve(
-            label=", ".join(
+            name=", ".join(
                 f"{_symbol(key)} = {_short(value)}"
                 for key, value in zip(keys, kind, strict=True)
                 if value is not None
@@ -162,6 +164,7 @@ def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
             or f"{_symbol('lam')} = {group[0].lam[0]:g}",
             situations=group[0].situations,
             catches=np.concatenate([evaluations.catches for evaluations in group]),
+            diverged=sum(evaluations.diverged_runs for evaluations in group),
         )
         for kind, group in groups.items()
     ]

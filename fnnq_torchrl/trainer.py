@@ -8,6 +8,7 @@ from torch import Tensor
 
 from envs.follow_ball import FollowBall
 from fnnq_torchrl.config import Config, run_columns
+from fnnq_torchrl.denormals import denormal_runs
 from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.evaluation import Playing
 from fnnq_torchrl.lanes import lanes_for, repeat_last
@@ -16,6 +17,7 @@ from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.program import Program
 from fnnq_torchrl.qlambda import Rule
 from fnnq_torchrl.results import Outcome
+from fnnq_torchrl.step_size import StepSize
 from fnnq_torchrl.values import ValueNetwork, make_value_network
 from fnnq_torchrl.work import Keeper, work_through
 
@@ -55,7 +57,7 @@ class Trainer:
         tests = len(config.evaluation.situations)
         self.situations_to_learn = config.num_seeds * config.situations
         self.situations_to_play = config.num_seeds * evaluations * tests
-        weights = dict(self._value_network(runs=1).named_parameters())
+        weights = self._value_network(runs=1).start(self.run["seed"])
         self.ledger = Ledger(self._columns, weights, config.evaluation.every, evaluations, tests)
 
     def _column(self, key: str, values: Sequence[float]) -> Tensor:
@@ -75,8 +77,10 @@ class Trainer:
             FollowBall(config.env, [lanes], dtype=self.dtype, device=self.device),
             self._value_network(lanes),
             rule=Rule(config.variant, config.trace, config.window),
+            step_size=StepSize(config.step_size),
             exploration=config.exploration,
             evaluate_every=config.evaluation.every,
+            largest_value=config.diverged_beyond * config.env.largest_return,
         )
 
     @torch.no_grad()
@@ -109,6 +113,7 @@ class Trainer:
     ) -> Outcome:
         """Score all snapshots of all runs, together."""
         config, engine, ledger = self.config, self.engine, self.ledger
+        ledger.stop_where_not_finite()
         # There is no trace to keep, and nothing is written to the weights: twice as many fit.
         lanes = lanes_for(self.situations_to_play, engine.workers, 2 * engine.most_lanes)
         tests = torch.tensor(config.evaluation.situations, dtype=self.dtype, device=self.device)
@@ -132,11 +137,13 @@ class Trainer:
             situations=(torch.arange(len(pages)) * config.evaluation.every).numpy(),
             steps=pages["steps"].T.contiguous().cpu().numpy(),
             catches=ledger.catches.T.contiguous().numpy(),
+            diverged=ledger.diverged.T.contiguous().numpy(),
             batch_runs=config.num_seeds,
             batch_learning_steps=self.learning_steps,
             train_seconds=ledger.seconds["train"],
             compile_seconds=ledger.seconds["compile"],
             evaluate_seconds=ledger.seconds["evaluate"],
+            denormal=denormal_runs(self.weights).numpy(),
         )
 
     @property

@@ -18,18 +18,23 @@ ROOT = Path(__file__).parents[1]
 FLOORS = {
     "envs": 0,
     "fnnq_torchrl": 0,
+    "fnnq_torchrl.arguments": 0,
     "fnnq_torchrl.atomic": 0,
     "fnnq_torchrl.batches": 1,
     "fnnq_torchrl.config": 0,
+    "fnnq_torchrl.denormals": 0,
     "fnnq_torchrl.interruptions": 0,
     "fnnq_torchrl.lanes": 0,
     "fnnq_torchrl.layout": 0,
+    "fnnq_torchrl.logger_config": 0,
     "fnnq_torchrl.loops": 0,
     "fnnq_torchrl.membership": 0,
     "fnnq_torchrl.plain": 1,
     "fnnq_torchrl.stats": 0,
     "fnnq_torchrl.threads": 0,
+    "fnnq_torchrl.value_config": 0,
     "fnnq_torchrl.autograd": 1,
+    "fnnq_torchrl.effective_step": 1,
     "fnnq_torchrl.step_size": 1,
     "fnnq_torchrl.exploration": 1,
     "fnnq_torchrl.graphs": 1,
@@ -38,6 +43,7 @@ FLOORS = {
     "fnnq_torchrl.loss": 2,
     "fnnq_torchrl.policy": 2,
     "fnnq_torchrl.results": 2,
+    "fnnq_torchrl.adaptive": 3,
     "fnnq_torchrl.checkpoint": 3,
     "fnnq_torchrl.cluster": 3,
     "fnnq_torchrl.engine": 3,
@@ -50,6 +56,8 @@ FLOORS = {
     "fnnq_torchrl.keeper": 3,
     "fnnq_torchrl.learning": 3,
     "fnnq_torchrl.ledger": 3,
+    "fnnq_torchrl.loggers": 3,
+    "fnnq_torchrl.memory": 3,
     "fnnq_torchrl.native": 3,
     "fnnq_torchrl.program": 3,
     "fnnq_torchrl.report": 3,
@@ -59,10 +67,12 @@ FLOORS = {
     "fnnq_torchrl.sweep": 3,
     "fnnq_torchrl.trainer": 3,
     "fnnq_torchrl.work": 3,
+    "fnnq_torchrl.adaptive.__main__": 4,
     "fnnq_torchrl.cli": 4,
     "fnnq_torchrl.compose": 4,
     "fnnq_torchrl.figures.__main__": 4,
     "fnnq_torchrl.reproduction.__main__": 4,
+    "fnnq_torchrl.flags": 4,
     "fnnq_torchrl.launcher": 4,
     "fnnq_torchrl.multirun": 4,
     "fnnq_torchrl.train": 4,
@@ -77,12 +87,14 @@ ONLY_IN = {
         for module in ("", ".curves", ".dots", ".gallery", ".lines", ".readings", ".style")
     },
     "submitit": {"fnnq_torchrl.cluster"},
-    "wandb": set(),
+    "mlflow": {"fnnq_torchrl.loggers.mlflow"},
+    "PIL": {"fnnq_torchrl.loggers.tensorboard"},
+    "wandb": {"fnnq_torchrl.loggers.wandb"},
 }
 
 
 # Of an extra, and imported only where a user asks for it.
-OPTIONAL = {"gymnasium", "submitit"}
+OPTIONAL = {"PIL", "gymnasium", "mlflow", "submitit", "wandb"}
 
 
 def module_name(path: Path) -> str:

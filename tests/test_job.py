@@ -1,6 +1,9 @@
 """A whole job, from its configuration to its files."""
 
+import errno
 import json
+import os
+import signal
 from dataclasses import replace
 
 import pytest
@@ -8,7 +11,7 @@ import torch
 
 from envs.world import World
 from fnnq_torchrl import job as job_module
-from fnnq_torchrl.batches import Job, JobFailed, as_one
+from fnnq_torchrl.batches import ASIDE, Job, as_one
 from fnnq_torchrl.checkpoint import load_checkpoint
 from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import (
@@ -16,17 +19,18 @@ from fnnq_torchrl.config import (
     Config,
     ConfigError,
     EvaluationConfig,
-    FNNQConfig,
     MachineConfig,
 )
 from fnnq_torchrl.engine import choose
-from fnnq_torchrl.interruptions import Interrupted, Interruptions
+from fnnq_torchrl.interruptions import Interrupted, Lost
 from fnnq_torchrl.job import run_batches, run_job
 from fnnq_torchrl.results import read_evaluations
 from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.trainer import Trainer
+from fnnq_torchrl.value_config import VALUES, LabelsConfig
+from fnnq_torchrl.values import make_value_network
 
-SCHEMAS = (Config, World, FNNQConfig, ActionConfig, EvaluationConfig, MachineConfig)
+SCHEMAS = (Config, World, LabelsConfig, ActionConfig, EvaluationConfig, MachineConfig)
 
 
 def test_a_job_leaves_its_files_and_says_where(tmp_path, capsys):
@@ -67,10 +71,10 @@ def test_a_missing_device_is_told(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_every_key_is_read_by_something(monkeypatch):
-    config = load_config("situations=5")
+def record_keys_read(schemas, monkeypatch):
+    """The keys that are read from now on, as pairs of schema and name."""
     read = set()
-    for schema in SCHEMAS:
+    for schema in schemas:
 
         def recording(self, name, schema=schema):
             if name in schema.__dataclass_fields__:
@@ -78,11 +82,25 @@ def test_every_key_is_read_by_something(monkeypatch):
             return object.__getattribute__(self, name)
 
         monkeypatch.setattr(schema, "__getattribute__", recording)
+    return read
+
+
+@pytest.mark.parametrize("kind", VALUES)
+def test_every_key_of_a_value_function_is_read(monkeypatch, kind):
+    config, schema = load_config(f"value={kind}").value, VALUES[kind]
+    read = record_keys_read([schema], monkeypatch)
+    make_value_network(config, torch.linspace(-1, 1, 3), runs=1)
+    assert read == {(schema, name) for name in schema.__dataclass_fields__}
+
+
+def test_every_key_is_read_by_something(monkeypatch):
+    config = load_config("situations=5")
+    read = record_keys_read(SCHEMAS, monkeypatch)
     trainer = Trainer(config)
     trainer.learn()
     trainer.evaluate()
 
-    read |= {(Config, "resume"), (Config, "checkpoint")}  # by the job: see below
+    read |= {(Config, key) for key in ASIDE}  # by the job: see below, and by the loggers
     assert read == {(schema, name) for schema in SCHEMAS for name in schema.__dataclass_fields__}
 
 
@@ -166,25 +184,70 @@ def test_a_full_disk_leaves_the_training_to_go_on_from(tmp_path, capsys):
     assert not (jobs[-1].directory / "training.pt").exists()
 
 
-@pytest.mark.parametrize("ending", [False, True])
-def test_a_save_that_fails_ends_only_what_ends_anyway(tmp_path, monkeypatch, capsys, ending):
+@pytest.mark.parametrize("ordered", [False, True], ids=["", "SIGTERM"])
+def test_a_save_that_fails_ends_only_what_ends_anyway(tmp_path, monkeypatch, capsys, ordered):
+    attempts = []
+
     def full(self, ledger, hands):
-        raise OSError("no space")
+        attempts.append(hands)
+        if ordered:
+            os.kill(os.getpid(), signal.SIGTERM)
+        raise OSError(errno.ENOSPC, "No space left on device", str(self.path))
 
     monkeypatch.setattr(SavedTraining, "save", full)
-    monkeypatch.setattr(Interruptions, "ending", ending)
-    config = load_config("situations=5", "checkpoint.every_s=1e-9")
-    if ending:
-        with pytest.raises(OSError, match="no space"):
+    config = load_config("situations=5", "env.time_limit_steps=4", "checkpoint.every_s=1e-9")
+    if ordered:
+        with pytest.raises(Lost, match=r"^SIGTERM: .* lost: .*No space .*training\.pt") as ended:
             run_job(config, tmp_path)
+        assert ended.value.status == 1
     else:
         run_job(config, tmp_path)
-    assert ("can't be saved: no space" in capsys.readouterr().err) != ending
-    assert (tmp_path / "summary.json").exists() != ending
+        assert len(attempts) > 1
+        assert capsys.readouterr().err.count("can't be saved, for now: ") == 1
+    assert (tmp_path / "summary.json").exists() != ordered
+
+
+def test_a_damaged_training_is_told_before_any_batch_begins(tmp_path, monkeypatch):
+    begun = []
+    monkeypatch.setattr(job_module, "_run_batch", lambda batch, pictures: begun.append(batch))
+    (tmp_path / "second").mkdir()
+    (tmp_path / "second" / "training.pt").write_bytes(b"damage")
+    config = load_config("situations=5")
+    batches = [[Job(config, tmp_path / name)] for name in ("first", "second")]
+    with pytest.raises(ConfigError, match=r"second/training\.pt is not .* damaged"):
+        list(run_batches(batches, pictures=False))
+    assert begun == []
 
 
 def test_an_earlier_summary_does_not_stay_beside_new_files(tmp_path):
     (tmp_path / "summary.json").write_text("{}")
-    with pytest.raises(JobFailed, match="diverged"):
-        run_job(load_config("situations=5", "alpha=1e30"), tmp_path)
+    (tmp_path / "evaluations.csv").mkdir()
+    with pytest.raises(IsADirectoryError):
+        run_job(load_config("situations=5"), tmp_path)
     assert not (tmp_path / "summary.json").exists()
+
+
+def test_diverged_runs_are_told_and_counted(tmp_path, capsys):
+    """Some of the batch diverge at once; the others know nothing of it."""
+    jobs = [
+        Job(load_config("situations=10", "num_seeds=2", f"alpha={alpha}"), tmp_path / f"{alpha}")
+        for alpha in (0.4, 1e30)
+    ]
+    for job in jobs:
+        job.directory.mkdir()
+    (tmp_path / "alone").mkdir()
+    ((well, ill),) = run_batches([jobs], pictures=True)
+    assert "diverged: 2 of 4 runs (seed 0, 1); they stopped" in capsys.readouterr().err
+    assert run_job(jobs[0].config, tmp_path / "alone") == well
+    assert "diverged" not in capsys.readouterr().err
+
+    diverged = read_evaluations(jobs[1].directory / "evaluations.csv")
+    assert diverged.diverged.tolist() == [[False, True, True]] * 2
+    assert (diverged.catches[:, 1:] == 0).all()
+    assert ill == 0
+    steps = diverged.steps[:, 1:]
+    assert (steps == steps[:, :1]).all()  # it stopped
+    assert (steps > 0).all()
+    summary = json.loads((jobs[1].directory / "summary.json").read_text())
+    assert (summary["runs"], summary["diverged_runs"]) == (2, 2)
+    assert load_checkpoint(jobs[1].directory / "checkpoint.pt").weights["weight"].isfinite().all()
