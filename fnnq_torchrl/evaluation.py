@@ -27,7 +27,7 @@ class Playing:
 
     Args:
         value_network: whose weights the snapshots replace.
-        world: the learning world's parameters: same time limit, same sensor.
+        world: in which to play.
         situations: starts of the ball (φ₀, ω_b), in rad and rad/s, ``[situations, 2]``.
         seed: the runs' seeds, int64 ``[runs, 1]``.
         ledger: has the snapshots, and what they have played so far; kept up to date.

@@ -54,12 +54,15 @@ def test_the_defaults_are_the_papers_and_spec(default):
             "track_width_m": 0.321,
             "circle_radius_m": 1.5,
             "start_angle_rad": 0.9,
+            "start_side": "both",
+            "switch_side_after": 0,
             "ball_speed_min_radps": 0.05,
             "ball_speed_max_radps": 0.15,
             "catch_distance_m": 0.2,
             "time_limit_steps": 120,
             "bearing_noise_rad": 0.01,
             "field_of_view_rad": 1.0,
+            "other_view_rad": 1.0,
             "catch_reward": 1.0,
             "miss_reward": -0.5,
         },
@@ -107,6 +110,10 @@ def test_every_key_has_a_type_and_a_range(default, key):
         (
             "env.ball_speed_min_radps=0.2",
             "env.ball_speed_min_radps=0.2: must be at most ball_speed_max_radps=0.15",
+        ),
+        (
+            "env.switch_side_after=5",
+            "env.switch_side_after=5: must be 0 with start_side=both",
         ),
         (
             "+value.inputs.sonar=[[0,1]]",

@@ -68,7 +68,7 @@ def test_a_missing_device_is_told(tmp_path):
 
 
 def test_every_key_is_read_by_something(monkeypatch):
-    config = load_config("situations=5")
+    config = load_config("situations=5", "env.start_side=left")
     read = set()
     for schema in SCHEMAS:
 

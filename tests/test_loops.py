@@ -363,6 +363,11 @@ def test_it_learns_what_the_eager_engine_learns(
     assert_learned_alike(compile_learning(settings, stays), rtol, atol)
 
 
+def test_it_learns_on_one_side_what_the_eager_engine_learns() -> None:
+    settings = config("env.start_side=left", "env.switch_side_after=2", "env.other_view_rad=0.2")
+    assert_learned_alike(compile_learning(settings, make_runs(settings, LANES)), 1e-4, 1e-5)
+
+
 def test_inductor_learns_what_the_eager_engine_learns() -> None:
     labels = "[[-0.5, 0.4], [0.5, 0.4]]"
     settings = config(
