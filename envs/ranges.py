@@ -8,7 +8,7 @@ A field is declared without a default, since defaults live in the YAML files alo
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from math import inf
 from typing import Any, get_type_hints
@@ -82,18 +82,59 @@ def matching(pattern: str, words: str) -> Any:
 def pairs(first: str, second: str, *, above: float = -inf) -> Any:
     """A list of pairs of finite numbers, at least one, the second number of each > `above`."""
 
-    def is_pair(value: Any) -> bool:
-        return isinstance(value, list) and len(value) == 2 and all(map(_is_finite, value))
-
     def holds(value: Any) -> bool:
         return (
             isinstance(value, list)
             and len(value) >= 1
-            and all(is_pair(pair) and pair[1] > above for pair in value)
+            and all(_is_pair(pair) and pair[1] > above for pair in value)
         )
 
     bound = f" with {second} > {above:g}" if above > -inf else ""
     return _declare(holds, f"a list of at least one pair [{first}, {second}]{bound}")
+
+
+def rising_pair(first: str, second: str) -> Any:
+    """A list of two finite numbers, the second above the first."""
+    return _declare(
+        lambda value: _is_pair(value) and value[0] < value[1],
+        f"a pair [{first}, {second}] with {first} < {second}",
+    )
+
+
+def wholes(low: int) -> Any:
+    """A list of whole numbers, at least one, each at least `low`."""
+    return _declare(
+        lambda value: (
+            isinstance(value, list)
+            and len(value) >= 1
+            and all(_is_whole(entry) and entry >= low for entry in value)
+        ),
+        f"a list of at least one whole number >= {low}",
+    )
+
+
+def some_of(*choices: str) -> Any:
+    """A list of words, at least one, none twice."""
+    return _declare(
+        lambda value: (
+            isinstance(value, list)
+            and len(value) >= 1
+            and all(value.count(word) == 1 and word in choices for word in value)
+        ),
+        f"a list of at least one of: {', '.join(choices)}",
+    )
+
+
+def flag() -> Any:
+    """True or false."""
+    return _declare(lambda value: isinstance(value, bool), "true or false")
+
+
+def parameters(kinds: Mapping[str, type[Parameters]]) -> Any:
+    """The parameters of one of several kinds, which its entry ``kind`` names."""
+    return _declare(
+        lambda value: isinstance(value, Parameters), f"the values of one of: {', '.join(kinds)}"
+    )
 
 
 def check(parameters: Parameters, prefix: str = "") -> None:
@@ -152,6 +193,10 @@ def _declare(holds: Callable[[Any], bool], words: str) -> Any:
 
 def _is_whole(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_pair(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(map(_is_finite, value))
 
 
 def _is_finite(value: Any) -> bool:

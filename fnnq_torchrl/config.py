@@ -28,9 +28,11 @@ from envs.ranges import (
     number,
     one_of,
     pairs,
+    parameters,
     whole,
 )
-from envs.world import OBSERVATIONS, World
+from envs.world import World
+from fnnq_torchrl.value_config import VALUES, ValueConfig
 
 __all__ = [
     "EXPLORATIONS",
@@ -42,10 +44,10 @@ __all__ = [
     "Config",
     "ConfigError",
     "EvaluationConfig",
-    "FNNQConfig",
     "MachineConfig",
     "OutOfRange",
     "UnknownKey",
+    "ranges_of",
     "refusal",
     "run_columns",
     "to_config",
@@ -71,24 +73,6 @@ TRACES = ("output", "gradient", "replacing", "window")
 
 EXPLORATIONS = {"epsilon_greedy": "epsilon", "boltzmann": "temperature", "noise": "noise_std"}
 """The ways to explore, each with the key that says how much (`fnnq_torchrl.policy`)."""
-
-
-@dataclass
-class FNNQConfig(Parameters):
-    """The fuzzy rule base: the Gaussian labels [centre, width] of every input and of the action."""
-
-    inputs: dict[str, list[Any]] = pairs("centre", "width", above=0)
-    action: list[Any] = pairs("centre", "width", above=0)
-    width: str = one_of("sigma", "variance")
-
-    def contradictions(self) -> Iterator[OutOfRange]:
-        """Inputs that the world doesn't offer, or none at all."""
-        names = ", ".join(OBSERVATIONS)
-        if not self.inputs:
-            yield OutOfRange("inputs", self.inputs, f"labels for at least one of: {names}")
-        for name, labels in self.inputs.items():
-            if name not in OBSERVATIONS:
-                yield OutOfRange(f"inputs.{name}", labels, f"under the name of one of: {names}")
 
 
 @dataclass
@@ -143,7 +127,7 @@ class Config(Parameters):
     resume: str = one_of("auto", "never")
 
     env: World
-    value: FNNQConfig
+    value: Any = parameters(VALUES)
     action: ActionConfig
     evaluation: EvaluationConfig
     machine: MachineConfig
@@ -181,15 +165,16 @@ class UnknownKey(ConfigError):
     Args:
         key: the key with its groups.
         value: what was given, if that is known.
+        kind: which value function it is, if that is known.
     """
 
-    def __init__(self, key: str, value: object) -> None:
-        super().__init__(key, value)
-        self.key, self.value = key, value
+    def __init__(self, key: str, value: object, kind: str | None = None) -> None:
+        super().__init__(key, value, kind)
+        self.key, self.value, self.kind = key, value, kind
 
     def __str__(self) -> str:
         given = self.key if self.value is None else f"{self.key}={self.value}"
-        return f"{given}: there is no {self.key}; {_advice(self.key)}"
+        return f"{given}: there is no {self.key}; {_advice(self.key, self.kind)}"
 
 
 def to_config(node: DictConfig) -> Config:
@@ -202,26 +187,48 @@ def to_config(node: DictConfig) -> Config:
         ConfigError: a key is missing or unknown, or its value isn't allowed.
     """
     # As a plain mapping, so that the schema refuses what Hydra lets in by `+key=value`.
-    plain = OmegaConf.to_container(node)
+    plain = cast(dict[str, Any], OmegaConf.to_container(node))
+    kind = _kind(plain)
+    schema = OmegaConf.structured(Config)
+    if kind is not None:
+        schema.value = OmegaConf.structured(VALUES[kind])
     try:
-        return cast(Config, OmegaConf.to_object(OmegaConf.merge(Config, plain)))
+        return cast(Config, OmegaConf.to_object(OmegaConf.merge(schema, plain)))
     except OmegaConfBaseException as error:
         value = OmegaConf.select(node, error.full_key or "", throw_on_resolution_failure=False)
-        raise refusal(error, value) from error
+        raise refusal(error, value, kind) from error
 
 
-def refusal(error: OmegaConfBaseException, given: object) -> ConfigError:
+def _kind(plain: dict[str, Any]) -> str | None:
+    """Which value function composed values are of; none if they leave it out.
+
+    Raises:
+        OutOfRange: there is no such value function.
+    """
+    value = plain.get("value", "???")
+    if value == "???":
+        return None
+    if not isinstance(value, dict):
+        raise OutOfRange("value", value, allowed(Config)["value"])
+    kind = value.get("kind", "???")
+    if kind not in VALUES:
+        raise OutOfRange("value.kind", kind, allowed(ValueConfig)["kind"])
+    return cast(str, kind)
+
+
+def refusal(error: OmegaConfBaseException, given: object, kind: str | None = None) -> ConfigError:
     """What OmegaConf refuses, in one line that says what is allowed.
 
     Args:
         error: OmegaConf's own, which takes several lines and doesn't say.
         given: what the user gave for the key, for the errors that don't hold it.
+        kind: which value function it is, if that is known.
     """
-    key = error.full_key or ""
+    key, ranges = error.full_key or "", ranges_of(kind)
     if isinstance(error, ConfigKeyError | ConfigAttributeError):
-        return UnknownKey(key, given)
+        return UnknownKey(key, given, kind)
     # What stands in a mapping has no range of its own but the mapping's.
-    words = allowed(Config).get(key) or allowed(Config).get(_group(key))
+    words = ranges.get(key) or ranges.get(_group(key))
     if isinstance(error, MissingMandatoryValue) and words:
         return OutOfRange(key, "???", words)
     if isinstance(error, ValidationError) and words:
@@ -229,9 +236,21 @@ def refusal(error: OmegaConfBaseException, given: object) -> ConfigError:
     return ConfigError(f"{key}: {str(error).splitlines()[0]}")
 
 
-def _advice(unknown: str) -> str:
+def ranges_of(kind: str | None = None) -> dict[str, str]:
+    """What each key may hold, in words that complete "must be".
+
+    Args:
+        kind: of value function; the keys of all kinds, if not given.
+    """
+    ranges = allowed(Config)
+    for schema in VALUES.values() if kind is None else [VALUES[kind]]:
+        ranges |= allowed(schema, "value.")
+    return ranges
+
+
+def _advice(unknown: str, kind: str | None) -> str:
     """Points to the key of the same name elsewhere, or to the nearest spelling beside it."""
-    keys = list(allowed(Config))
+    keys = [*ranges_of(kind)]
     keys += dict.fromkeys(_group(key) for key in keys if _group(key))
     beside = {_name(key): key for key in keys if _group(key) == _group(unknown)}
     same = [key for key in keys if _name(key) == _name(unknown)]

@@ -31,7 +31,7 @@ class Ledger:
 
     Args:
         columns: by each key of `PER_RUN` the values of all runs, ``[runs]``.
-        weights: of a run before learning, by name, with any number of runs first.
+        weights: of the runs before learning, by name, each ``[runs, *weights]``.
         every: situations from one evaluation to the next.
         evaluations: how many there are, the one before learning included.
         tests: situations in each.
@@ -47,7 +47,7 @@ class Ledger:
     ) -> None:
         runs = len(columns["seed"])
         self._columns = columns
-        self.book = SnapshotBook(weights, runs, every, evaluations)
+        self.book = SnapshotBook(weights, every, evaluations)
         self.learned = torch.zeros(runs, dtype=torch.int64)
         self.hands: Sequence[Hand] = ()
         self.played = torch.zeros(evaluations, runs, tests, dtype=torch.bool)

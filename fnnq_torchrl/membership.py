@@ -38,6 +38,16 @@ def firing_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
     return strength * strength.sum(0).reciprocal()
 
 
+def crisp_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
+    """All of a number to the label of its highest membership; on a border, half to either.
+
+    Args and result: as :func:`log_membership`; the labels' shares sum to one.
+    """
+    strength = log_membership(x, centres, inverse_widths)
+    highest = (strength == strength.amax(0)).to(x.dtype)
+    return highest / highest.sum(0)
+
+
 def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tensor) -> Tensor:
     """Q(s, a) = Σᵢ wᵢσᵢ / Σσ, the weighted average of the consequents (paper, eq. 8).
 
@@ -45,15 +55,17 @@ def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tens
     all rules, and the order of summation does not depend on the batch.
 
     Args:
-        consequents: w, ``[labels of input 1, …, labels of input n, action labels, runs]``.
-        shares: for each state input, its labels' shares ``[labels, *batch, runs]``.
-        action_shares: ``[action labels, actions, *batch or 1s, runs or 1]``.
+        consequents: w, ``[labels of input 1, …, labels of input n, action labels, *bases, runs]``;
+            there may be several rule bases, or, with ``bases = ()``, a single one.
+        shares: for each state input, its labels' shares ``[labels, *batch, *bases, runs]``.
+        action_shares: ``[action labels, actions, *batch or 1s, *bases, runs or 1]``.
 
     Returns:
-        Q of every action, ``[actions, *batch, runs]``.
+        Q of every action, ``[actions, *batch, *bases, runs]``.
     """
-    batch = action_shares.ndim - 3
-    rules = consequents.reshape(*consequents.shape[:-1], *[1] * batch, consequents.shape[-1])
+    labels, own = consequents.shape[: len(shares) + 1], consequents.shape[len(shares) + 1 :]
+    batch = action_shares.ndim - 2 - len(own)
+    rules = consequents.reshape(*labels, *[1] * batch, *own)
     for share in shares:
         labels_left = rules.ndim - share.ndim
         rules = (share.view(share.shape[0], *[1] * labels_left, *share.shape[1:]) * rules).sum(0)

@@ -34,7 +34,7 @@ class Program:
 
     Args:
         env: the world, with the runs as its batch.
-        value_network: Q(s, a); its weights are the shape of every run's, its values their start.
+        value_network: Q(s, a).
         rule: which Q(λ) it is.
         exploration: which policy it learns by (:func:`fnnq_torchrl.policy.make_policy`).
         evaluate_every: situations from one evaluation to the next.
@@ -59,10 +59,10 @@ class Program:
         self.evaluate_every = evaluate_every
 
     def begin(self, run: TensorDictBase) -> TensorDict:
-        """The state before the first step: weights as the network has them, no trace."""
+        """The state before the first step: weights as the network starts them, no trace."""
         runs = run.batch_size
-        parameters = dict(self.loss.value_network.named_parameters())
-        weights = {name: _copy(p.detach()) for name, p in parameters.items()}
+        start = self.loss.value_network.start(run["seed"])
+        weights = {name: _copy(weight) for name, weight in start.items()}
         zero = torch.zeros_like(run["seed"])  # cloned wherever it stands: no entry is an alias
         batch = {"batch_size": runs, "device": run.device}
         return TensorDict(

@@ -16,31 +16,28 @@ class SnapshotBook:
         collected: the last page that each run has, int64 ``[runs]``.
 
     Args:
-        weights: of a run before learning, by name, with any number of runs first.
-        runs: how many there are.
+        weights: of the runs before learning, by name, each ``[runs, *weights]``.
         every: situations from one evaluation to the next.
         evaluations: how many there are, the one before learning included.
     """
 
-    def __init__(self, weights: Mapping[str, Tensor], runs: int, every: int, evaluations: int):
+    def __init__(self, weights: Mapping[str, Tensor], every: int, evaluations: int):
         self._every = every
         self._last = evaluations - 1
+        first = next(iter(weights.values()))
+        runs, device = len(first), first.device
         shape = (evaluations, runs)
-        untrained = {
-            name: weight[:1].expand(runs, *weight.shape[1:]) for name, weight in weights.items()
-        }
-        device = next(iter(weights.values())).device
         self.pages = TensorDict(
             {
                 "weights": TensorDict(
-                    {name: w.new_zeros(evaluations, *w.shape) for name, w in untrained.items()},
+                    {name: w.new_zeros(evaluations, *w.shape) for name, w in weights.items()},
                     shape,
                 ),
                 "steps": torch.zeros(shape, dtype=torch.int64, device=device),
             },
             shape,
         )
-        for name, weight in untrained.items():
+        for name, weight in weights.items():
             self.pages["weights", name][0] = weight
         self.collected = torch.zeros(runs, dtype=torch.int64)
 

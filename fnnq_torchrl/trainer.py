@@ -55,7 +55,7 @@ class Trainer:
         tests = len(config.evaluation.situations)
         self.situations_to_learn = config.num_seeds * config.situations
         self.situations_to_play = config.num_seeds * evaluations * tests
-        weights = dict(self._value_network(runs=1).named_parameters())
+        weights = self._value_network(runs=1).start(self.run["seed"])
         self.ledger = Ledger(self._columns, weights, config.evaluation.every, evaluations, tests)
 
     def _column(self, key: str, values: Sequence[float]) -> Tensor:

@@ -13,7 +13,16 @@ from omegaconf import OmegaConf
 
 from envs.ranges import allowed
 from fnnq_torchrl.compose import config_directory, load_config
-from fnnq_torchrl.config import PER_RUN, Config, ConfigError, UnknownKey, run_columns, to_config
+from fnnq_torchrl.config import (
+    PER_RUN,
+    Config,
+    ConfigError,
+    UnknownKey,
+    ranges_of,
+    run_columns,
+    to_config,
+)
+from fnnq_torchrl.value_config import VALUES
 
 CONF = config_directory()
 FILES = {path.relative_to(CONF) for path in CONF.rglob("*") if path.is_file()}
@@ -67,6 +76,7 @@ def test_the_defaults_are_the_papers_and_spec(default):
             "miss_reward": -0.5,
         },
         "value": {
+            "kind": "fnnq",
             "inputs": {"bearing": [[-0.5, 0.4], [-0.1, 0.1], [0, 0.05], [0.1, 0.1], [0.5, 0.4]]},
             "action": [[-1, 0.4], [-0.4, 0.3], [0.4, 0.3], [1, 0.4]],
             "width": "sigma",
@@ -95,13 +105,25 @@ def test_overrides_reach_their_keys():
     assert config.value.inputs == {"bearing": [[0, 1]]}
 
 
-@pytest.mark.parametrize("key", allowed(Config))
-def test_every_key_has_a_type_and_a_range(default, key):
-    values = OmegaConf.create(asdict(default))
+@pytest.mark.parametrize(
+    ("kind", "key"),
+    [
+        *(("fnnq", key) for key in allowed(Config)),
+        *((kind, key) for kind in VALUES for key in allowed(VALUES[kind], "value.")),
+    ],
+)
+def test_every_key_has_a_type_and_a_range(kind, key):
+    values = OmegaConf.create(asdict(load_config(f"value={kind}")))
     OmegaConf.update(values, key, "nonsense")
     with pytest.raises(ConfigError) as refused:
         to_config(values)
-    assert str(refused.value) == f"{key}=nonsense: must be {allowed(Config)[key]}"
+    assert str(refused.value) == f"{key}=nonsense: must be {ranges_of(kind)[key]}"
+
+
+def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
+    assert {path.stem for path in FILES if path.parent.name == "value"} == VALUES.keys()
+    for kind in VALUES:
+        assert load_config(f"value={kind}").value.kind == kind
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ FLOORS = {
     "fnnq_torchrl.plain": 1,
     "fnnq_torchrl.stats": 0,
     "fnnq_torchrl.threads": 0,
+    "fnnq_torchrl.value_config": 0,
     "fnnq_torchrl.autograd": 1,
     "fnnq_torchrl.step_size": 1,
     "fnnq_torchrl.exploration": 1,

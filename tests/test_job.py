@@ -16,7 +16,6 @@ from fnnq_torchrl.config import (
     Config,
     ConfigError,
     EvaluationConfig,
-    FNNQConfig,
     MachineConfig,
 )
 from fnnq_torchrl.engine import choose
@@ -25,8 +24,10 @@ from fnnq_torchrl.job import run_batches, run_job
 from fnnq_torchrl.results import read_evaluations
 from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.trainer import Trainer
+from fnnq_torchrl.value_config import VALUES, LabelsConfig
+from fnnq_torchrl.values import make_value_network
 
-SCHEMAS = (Config, World, FNNQConfig, ActionConfig, EvaluationConfig, MachineConfig)
+SCHEMAS = (Config, World, LabelsConfig, ActionConfig, EvaluationConfig, MachineConfig)
 
 
 def test_a_job_leaves_its_files_and_says_where(tmp_path, capsys):
@@ -67,10 +68,10 @@ def test_a_missing_device_is_told(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_every_key_is_read_by_something(monkeypatch):
-    config = load_config("situations=5", "env.start_side=left")
+def record_keys_read(schemas, monkeypatch):
+    """The keys that are read from now on, as pairs of schema and name."""
     read = set()
-    for schema in SCHEMAS:
+    for schema in schemas:
 
         def recording(self, name, schema=schema):
             if name in schema.__dataclass_fields__:
@@ -78,6 +79,20 @@ def test_every_key_is_read_by_something(monkeypatch):
             return object.__getattribute__(self, name)
 
         monkeypatch.setattr(schema, "__getattribute__", recording)
+    return read
+
+
+@pytest.mark.parametrize("kind", VALUES)
+def test_every_key_of_a_value_function_is_read(monkeypatch, kind):
+    config, schema = load_config(f"value={kind}").value, VALUES[kind]
+    read = record_keys_read([schema], monkeypatch)
+    make_value_network(config, torch.linspace(-1, 1, 3), runs=1)
+    assert read == {(schema, name) for name in schema.__dataclass_fields__}
+
+
+def test_every_key_is_read_by_something(monkeypatch):
+    config = load_config("situations=5", "env.start_side=left")
+    read = record_keys_read(SCHEMAS, monkeypatch)
     trainer = Trainer(config)
     trainer.learn()
     trainer.evaluate()

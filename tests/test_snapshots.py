@@ -15,7 +15,7 @@ def test_every_page_has_the_weights_right_at_that_moment() -> None:
     run = make_runs(settings, RUNS, lam=torch.linspace(0, 1, RUNS))
     program = make_program(settings, run)
     state = program.begin(run)
-    book = SnapshotBook(state["weights"], RUNS, every=2, evaluations=EVALUATIONS)
+    book = SnapshotBook(state["weights"], every=2, evaluations=EVALUATIONS)
     numbers = torch.randperm(RUNS, generator=torch.Generator().manual_seed(0))  # of the lanes
     chunk = 2 * program.env.fewest_steps
 
@@ -75,8 +75,8 @@ def test_runs_that_take_turns_on_a_lane() -> None:
 
 
 def blank_book(runs: int) -> SnapshotBook:
-    weights = state_at([0, 0], [1, 7])["snapshot", "weights"]  # 1: the first run's are everyone's
-    return SnapshotBook(weights, runs, every=5, evaluations=3)
+    weights = state_at([0] * runs, [1] * runs)["snapshot", "weights"]
+    return SnapshotBook(weights, every=5, evaluations=3)
 
 
 def assert_pages(book: SnapshotBook, numbers: list[list[float]]) -> None:

@@ -2,17 +2,37 @@
 
 from torch import Tensor
 
-from fnnq_torchrl.config import FNNQConfig
+from fnnq_torchrl.value_config import ValueConfig
 
 from .base import ValueNetwork
 from .fnnq import FNNQValue
+from .mlp import MLPValue
+from .rbf import RBFValue
+from .table import TableValue
+from .tiles import TilesValue
 
-__all__ = ["FNNQValue", "ValueNetwork", "make_value_network"]
+__all__ = [
+    "FNNQValue",
+    "MLPValue",
+    "RBFValue",
+    "TableValue",
+    "TilesValue",
+    "ValueNetwork",
+    "make_value_network",
+]
+
+_NETWORKS: dict[str, type[ValueNetwork]] = {
+    "fnnq": FNNQValue,
+    "mlp": MLPValue,
+    "rbf": RBFValue,
+    "table": TableValue,
+    "tiles": TilesValue,
+}
 
 
-def make_value_network(config: FNNQConfig, candidates: Tensor, runs: int) -> ValueNetwork:
+def make_value_network(config: ValueConfig, candidates: Tensor, runs: int) -> ValueNetwork:
     """The value network that a configuration describes, for a batch of runs.
 
     It has the dtype and the device of the candidate actions, ``[candidates]``.
     """
-    return FNNQValue(config.inputs, config.action, candidates, width=config.width, runs=runs)
+    return _NETWORKS[config.kind].from_config(config, candidates, runs)

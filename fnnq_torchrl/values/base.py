@@ -1,6 +1,7 @@
 """What a value network offers to policy and loss."""
 
 from abc import ABC, abstractmethod
+from typing import Any, Self
 
 from tensordict import TensorDictBase
 from torch import Tensor, nn
@@ -20,6 +21,33 @@ class ValueNetwork(nn.Module, ABC):
         super().__init__()
         self.in_keys = in_keys
         self.register_buffer("candidates", candidates)
+
+    @classmethod
+    @abstractmethod
+    def from_config(cls, config: Any, candidates: Tensor, runs: int) -> Self:
+        """The network that a configuration describes.
+
+        Args:
+            config: of its kind (:data:`fnnq_torchrl.value_config.VALUES`).
+            candidates: the actions among which the best is sought, ``[candidates]``; their dtype
+                and device are the network's.
+            runs: how many learners it holds.
+        """
+
+    def start(self, seed: Tensor) -> dict[str, Tensor]:
+        """The weights of runs before they learn; by default those that the parameters have.
+
+        Args:
+            seed: of the runs, int64 ``[runs, 1]``, for what is random.
+
+        Returns:
+            By the parameters' names, each ``[runs, *weights]``. A network of a single run serves
+            for any number of them.
+        """
+        return {
+            name: weight.detach().expand(len(seed), *weight.shape[1:])
+            for name, weight in self.named_parameters()
+        }
 
     @abstractmethod
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
