@@ -36,6 +36,11 @@ class World(Parameters):
     catch_reward: float = number(above=0)
     miss_reward: float = number(high=0)  # what pays is a catch, and nothing else
 
+    @property
+    def largest_return(self) -> float:
+        """No |return| is larger, whatever the discount: there is one reward, at the end."""
+        return max(self.catch_reward, -self.miss_reward)
+
     def contradictions(self) -> Iterator[OutOfRange]:
         """A slowest ball that is faster than the fastest; a switch of sides, and none named."""
         slowest, fastest = self.ball_speed_min_radps, self.ball_speed_max_radps

@@ -122,6 +122,7 @@ class Config(Parameters):
     variant: str = one_of(*VARIANTS)
     trace: str = one_of(*TRACES)
     window: int = whole(1)
+    diverged_beyond: float = number(above=1)
     engine: str = one_of("auto", "eager", "compiled")
     situations: int = whole(1)
     resume: str = one_of("auto", "never")

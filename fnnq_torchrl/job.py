@@ -8,9 +8,8 @@ from pathlib import Path
 
 import torch
 from tensordict import TensorDictBase
-from torch import Tensor
 
-from fnnq_torchrl.batches import Job, JobFailed, as_one
+from fnnq_torchrl.batches import Job, as_one
 from fnnq_torchrl.checkpoint import save_checkpoint
 from fnnq_torchrl.config import Config, ConfigError, OutOfRange
 from fnnq_torchrl.engine import choose, make_engine
@@ -42,7 +41,6 @@ def run_job(config: Config, directory: Path) -> float:
         OutOfRange: the device isn't there.
         Interrupted: a signal has ended the work, which is saved.
         ConfigError: the engine is to compile, and the compiler isn't there or fails.
-        JobFailed: runs diverged; their evaluations and weights are written, no summary.
         OSError: a file can't be written.
     """
     [[result]] = run_batches([[Job(config, directory)]], pictures=True)
@@ -99,7 +97,7 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
     announce(trainer.engine_chosen)
     saved = SavedTraining(jobs[-1].directory, trainer.config, trainer.engine.name)
     outcome = _train(trainer, saved)
-    finite = _finite(trainer.weights)
+    _announce_diverged(outcome)
     bounds = accumulate((job.config.num_seeds for job in jobs), initial=0)
     *others, last = zip(jobs, pairwise(bounds), strict=True)
 
@@ -107,8 +105,8 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
         job, (begin, end) = job_and_bounds
         runs = slice(begin, end)
         try:
-            return _write(job, outcome.of(runs), trainer.weights[runs], finite[runs], pictures)
-        except (JobFailed, OSError) as error:
+            return _write(job, outcome.of(runs), trainer.weights[runs], pictures)
+        except OSError as error:
             return error
 
     # Mostly the disk is waited for; but Matplotlib knows one thread only.
@@ -146,22 +144,12 @@ def _train(trainer: Trainer, saved: SavedTraining) -> Outcome:
     return outcome
 
 
-def _finite(weights: TensorDictBase) -> Tensor:
-    """Of each run, whether all its weights are: bool ``[runs]`` on the CPU."""
-    finite = [weight.isfinite().flatten(1).all(dim=1) for weight in weights.values()]
-    return torch.stack(finite).all(dim=0).cpu()
-
-
-def _write(
-    job: Job, outcome: Outcome, weights: TensorDictBase, finite: Tensor, pictures: bool
-) -> float:
+def _write(job: Job, outcome: Outcome, weights: TensorDictBase, pictures: bool) -> float:
     directory, config = job.directory, job.config
     evaluations = directory / "evaluations.csv"
     (directory / "summary.json").unlink(missing_ok=True)  # an earlier one isn't of these files
     save_checkpoint(directory / "checkpoint.pt", weights, outcome.seed, outcome.lam, asdict(config))
     write_evaluations(evaluations, outcome)
-    if not finite.all():
-        raise JobFailed(_diverged(outcome.seed[~finite.numpy()].tolist()))
     if pictures:
         picture = directory / "learning_curve.png"
         learning_curve(evaluations, picture, best=len(config.evaluation.situations))
@@ -170,10 +158,13 @@ def _write(
     return summary["mean_score"]
 
 
-def _diverged(seeds: list[int]) -> str:
-    named = ", ".join(map(str, seeds[:_NAMED]))
-    more = f" and {len(seeds) - _NAMED:,} more" if len(seeds) > _NAMED else ""
-    return (
-        f"seed{'s' if len(seeds) > 1 else ''} {named}{more} diverged, "
-        "to weights that aren't finite; a smaller alpha may help"
+def _announce_diverged(outcome: Outcome) -> None:
+    """One line, if runs have diverged."""
+    if not outcome.diverged_runs:
+        return
+    seeds = outcome.seed[outcome.diverged[:, -1]].tolist()
+    named = ", ".join(map(str, seeds[:_NAMED])) + ", …" * (len(seeds) > _NAMED)
+    announce(
+        f"diverged: {len(seeds):,} of {outcome.runs:,} runs (seed {named}); they stopped, and "
+        "count as catching nothing from then on. A smaller alpha may help"
     )

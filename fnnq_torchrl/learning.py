@@ -55,5 +55,10 @@ class Learning:
         busy, learned = jobs >= 0, self._ledger.learned
         situations = state["situations"].squeeze(-1).cpu()[busy]
         learned[jobs[busy]] = situations.minimum(self._situations[jobs[busy]])
+        diverged = busy & state["diverged"].squeeze(-1).cpu()
+        if diverged.any():
+            stopped = jobs[diverged]
+            self._ledger.stop(stopped, state["steps"].squeeze(-1).cpu()[diverged])
+            learned[stopped] = self._situations[stopped]
         self._on_progress(int(learned.sum()))
         return state["over"].squeeze(-1).cpu()

@@ -22,7 +22,9 @@ class Ledger:
 
     Attributes:
         book: the snapshots.
-        learned: situations learned from, int64 ``[runs]``.
+        learned: situations learned from, int64 ``[runs]``; all, for a run that has diverged.
+        diverged: whether a run had diverged when an evaluation was due, bool ``[evaluations,
+            runs]``. Such an evaluation is not played and has no catch.
         hands: runs that have begun to learn, and their states.
         played: whether each snapshot has played each situation, bool
             ``[evaluations, runs, situations]``.
@@ -49,12 +51,34 @@ class Ledger:
         self._columns = columns
         self.book = SnapshotBook(weights, every, evaluations)
         self.learned = torch.zeros(runs, dtype=torch.int64)
+        self.diverged = torch.zeros(evaluations, runs, dtype=torch.bool)
         self.hands: Sequence[Hand] = ()
         self.played = torch.zeros(evaluations, runs, tests, dtype=torch.bool)
         self.catches = torch.zeros(evaluations, runs, dtype=torch.int64)
         self.seconds: dict[str, float] = defaultdict(float, dict.fromkeys(_SECONDS, 0.0))
         self._running: list[str] = []
         self._since = 0.0
+
+    def stop(self, runs: Tensor, steps: Tensor) -> None:
+        """Runs have diverged: the last snapshot of each stands for all that were to come.
+
+        Args:
+            runs: their numbers, int64 ``[stopped]``.
+            steps: that they have taken, int64 ``[stopped]``.
+        """
+        self.book.close(runs, steps)
+        due = torch.arange(len(self.diverged)).unsqueeze(-1)
+        self._leave_out(runs, due > self.book.collected[runs])
+
+    def stop_where_not_finite(self) -> None:
+        """A last step may have led to weights that no Q was computed from."""
+        weights = self.book.pages["weights"].flatten_keys(".").values()
+        finite = [weight.isfinite().flatten(2).all(-1) for weight in weights]
+        self._leave_out(slice(None), ~torch.stack(finite).all(0).cpu())
+
+    def _leave_out(self, runs: Tensor | slice, evaluations: Tensor) -> None:
+        self.diverged[:, runs] |= evaluations
+        self.played[:, runs] |= evaluations.unsqueeze(-1)
 
     @contextmanager
     def timed(self, what: str) -> Iterator[None]:
@@ -87,6 +111,7 @@ class Ledger:
             "steps": pages["steps"],
             "collected": self.book.collected,
             "learned": self.learned,
+            "diverged": self.diverged,
             "hands": [(jobs, state.to_dict()) for jobs, state in hands],
             "played": self.played,
             "catches": self.catches,
@@ -109,6 +134,7 @@ class Ledger:
         pages["steps"].copy_(saved["steps"][:, rows])
         self.book.collected.copy_(saved["collected"][rows])
         self.learned.copy_(saved["learned"][rows])
+        self.diverged.copy_(saved["diverged"][:, rows])
         self.played.copy_(saved["played"][:, rows])
         self.catches.copy_(saved["catches"][:, rows])
         place = torch.full((len(saved["runs"]),), -1).index_copy(0, rows, torch.arange(len(rows)))

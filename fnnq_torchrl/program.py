@@ -28,9 +28,9 @@ class Program:
       each ``[runs, 1]``;
     * ``state``, which every step replaces: ``world``, what the environment needs to go on;
       ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the step size
-      so far decayed; ``situations`` and ``steps``, counts of what was learned from; ``over``,
-      whether that is all; ``snapshot``, weights and counts as they were when an evaluation was
-      last due.
+      so far decayed; ``situations`` and ``steps``, counts of what was learned from; ``diverged``,
+      whether |Q| has gone beyond all bounds, which ends the counts; ``over``, whether that is all;
+      ``snapshot``, weights and counts as they were when an evaluation was last due.
 
     Args:
         env: the world, with the runs as its batch.
@@ -38,6 +38,7 @@ class Program:
         rule: which Q(λ) it is.
         exploration: which policy it learns by (:func:`fnnq_torchrl.policy.make_policy`).
         evaluate_every: situations from one evaluation to the next.
+        largest_value: a run with a larger |Q| than this has diverged.
 
     Raises:
         ValueError: there is no such policy.
@@ -51,12 +52,14 @@ class Program:
         rule: Rule,
         exploration: str,
         evaluate_every: int,
+        largest_value: float,
     ) -> None:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # every step sets the amount
         self.loss = PengQLambdaLoss(value_network, gamma=1.0)
         self.rule = rule
         self.evaluate_every = evaluate_every
+        self.largest_value = largest_value
 
     def begin(self, run: TensorDictBase) -> TensorDict:
         """The state before the first step: weights as the network starts them, no trace."""
@@ -73,6 +76,7 @@ class Program:
                 "alpha": run["alpha"].clone(),
                 "situations": zero.clone(),
                 "steps": zero.clone(),
+                "diverged": torch.zeros_like(zero, dtype=torch.bool),
                 "over": torch.zeros_like(zero, dtype=torch.bool),
                 "snapshot": TensorDict(
                     {
@@ -121,7 +125,9 @@ class Program:
         alpha = qlambda.decayed_step_size(
             alpha, per_run(run["alpha_decay"]), per_run(after["reward"])
         )
-        situations, steps = state["situations"] + after["done"], state["steps"] + 1
+        diverged = state["diverged"] | (self._beyond(world["action_value"]) & ~state["over"])
+        situations = state["situations"] + (after["done"] & ~diverged)
+        steps = state["steps"] + ~diverged
         snapshot = state["snapshot"]
         # A number: where all the weights are at stake, loops load booleans slowly.
         due = (situations == snapshot["situations"] + self.evaluate_every).to(alpha.dtype)
@@ -140,12 +146,17 @@ class Program:
                 "alpha": alpha.unsqueeze(-1),
                 "situations": situations,
                 "steps": steps,
-                "over": situations >= run["situations"],
+                "diverged": diverged,
+                "over": (situations >= run["situations"]) | diverged,
                 "snapshot": now,
             },
             batch_size=state.batch_size,
             device=state.device,
         )
+
+    def _beyond(self, action_value: Tensor) -> Tensor:
+        """Whether a |Q| is larger than any may be, or not a number: bool ``[runs, 1]``."""
+        return ~(action_value.abs().amax(-1, keepdim=True) <= self.largest_value)
 
     def _slope(
         self, weights: Mapping[str, Tensor], gamma: Tensor, transition: TensorDictBase

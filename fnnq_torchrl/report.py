@@ -130,6 +130,8 @@ def print_summary(summary: Summary, picture: Path, console: Console | None = Non
     table.add_column(overflow="fold")
     table.add_column(overflow="fold")
     table.add_row("runs", f"{summary['runs']:,}")
+    if summary["diverged_runs"]:
+        table.add_row("diverged runs", f"{summary['diverged_runs']:,}")
     lam = _LATIN["λ"] if console.options.ascii_only else "λ"
     table.add_row(lam, ", ".join(f"{value:g}" for value in summary["lam"]))
     for name, mean, interval in (

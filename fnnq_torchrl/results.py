@@ -14,12 +14,14 @@ from fnnq_torchrl.atomic import atomic_write
 from fnnq_torchrl.stats import mean_interval
 
 # The columns of evaluations.csv. They stay first and in this order for good.
-EVALUATION_COLUMNS = ("seed", "lam", "situations", "steps", "catches")
+EVALUATION_COLUMNS = ("seed", "lam", "situations", "steps", "catches", "diverged")
 CONFIDENCE = 0.95
 # The final score is the mean over this many last evaluations.
 FINAL_EVALUATIONS = 8
 
-_DTYPES = {name: np.dtype("f8" if name == "lam" else "i8") for name in EVALUATION_COLUMNS}
+_DTYPES = {
+    name: np.dtype({"lam": "f8", "diverged": "?"}.get(name, "i8")) for name in EVALUATION_COLUMNS
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +38,11 @@ class Evaluations:
     situations: NDArray[np.int64]  # [evaluations], learning situations before each; starts at 0
     steps: NDArray[np.int64]  # [runs, evaluations], learning steps of the run so far
     catches: NDArray[np.int64]  # [runs, evaluations], the score: situations that end in a catch
+    diverged: NDArray[np.bool_]  # [runs, evaluations], whether the run had; it then has no catch
 
     def __post_init__(self) -> None:
         runs, evaluations = self.seed.size, self.situations.size
-        shapes = ((runs,), (runs,), (evaluations,), (runs, evaluations), (runs, evaluations))
+        shapes = ((runs,), (runs,), (evaluations,), *[(runs, evaluations)] * 3)
         for name, shape in zip(EVALUATION_COLUMNS, shapes, strict=True):
             array = getattr(self, name)
             if array.shape != shape or array.dtype != _DTYPES[name]:
@@ -64,6 +67,11 @@ class Evaluations:
     def learning_steps(self) -> int:
         """Learning steps of all runs together."""
         return int(self.steps[:, -1].sum())
+
+    @property
+    def diverged_runs(self) -> int:
+        """How many runs have diverged."""
+        return int(self.diverged[:, -1].sum())
 
     @property
     def mean_score(self) -> NDArray[np.float64]:
@@ -97,6 +105,7 @@ class Outcome(Evaluations):
             lam=self.lam[runs],
             steps=self.steps[runs],
             catches=self.catches[runs],
+            diverged=self.diverged[runs],
         )
 
 
@@ -104,6 +113,7 @@ class Summary(TypedDict):
     """The keys of summary.json, in their order. Scores are catches; intervals are [low, high]."""
 
     runs: int
+    diverged_runs: int  # they count as catching nothing from then on
     lam: list[float]  # the distinct values, rising
     learning_steps: int  # of all runs together
     # Of the batch: jobs that were trained together share these.
@@ -126,6 +136,7 @@ def summarise(outcome: Outcome) -> Summary:
     seconds = outcome.train_seconds
     return Summary(
         runs=outcome.runs,
+        diverged_runs=outcome.diverged_runs,
         lam=np.unique(outcome.lam).tolist(),
         learning_steps=outcome.learning_steps,
         batch_runs=outcome.batch_runs,
@@ -184,11 +195,17 @@ def write_evaluations(path: Path, evaluations: Evaluations) -> None:
 def _rows_of_each_run(evaluations: Evaluations) -> Iterator[bytes]:
     # Python's own numbers, since formatting NumPy's is several times slower.
     situations = evaluations.situations.tolist()
-    of_each_run = (evaluations.seed, evaluations.lam, evaluations.steps, evaluations.catches)
-    for seed, lam, steps, catches in zip(*(a.tolist() for a in of_each_run), strict=True):
-        run = f"{seed},{lam!r},"  # repr is the shortest text that reads back exactly
-        rows = zip(situations, steps, catches, strict=True)
-        yield "".join(f"{run}{after},{taken},{score}\n" for after, taken, score in rows).encode()
+    of_each_run = (
+        evaluations.seed,
+        evaluations.lam,
+        evaluations.steps,
+        evaluations.catches,
+        evaluations.diverged.astype(int),
+    )
+    for seed, lam, *columns in zip(*(a.tolist() for a in of_each_run), strict=True):
+        run = f"{seed},{lam!r}"  # repr is the shortest text that reads back exactly
+        rows = zip(situations, *columns, strict=True)
+        yield "".join(f"{run},{a},{b},{c},{d}\n" for a, b, c, d in rows).encode()
 
 
 def read_evaluations(path: Path) -> Evaluations:
@@ -206,16 +223,17 @@ def read_evaluations(path: Path) -> Evaluations:
 
 def _parse_evaluations(text: str) -> Evaluations:
     header, _, body = text.partition("\n")
-    columns = header.split(",")[: len(EVALUATION_COLUMNS)]
-    if columns != list(EVALUATION_COLUMNS):
+    # Before there was the last one, runs that diverged had no result.
+    known = EVALUATION_COLUMNS if EVALUATION_COLUMNS[-1] in header else EVALUATION_COLUMNS[:-1]
+    if tuple(header.split(",")[: len(known)]) != known:
         raise ValueError(f"its columns must begin {','.join(EVALUATION_COLUMNS)}")
     if not body.endswith("\n"):
         raise ValueError("its last row is cut short" if body else "it has no rows")
     table = np.loadtxt(
         io.StringIO(body),
-        dtype=list(_DTYPES.items()),
+        dtype=[(name, _DTYPES[name]) for name in known],
         delimiter=",",
-        usecols=range(len(EVALUATION_COLUMNS)),
+        usecols=range(len(known)),
         comments=None,
     )
 
@@ -235,4 +253,5 @@ def _parse_evaluations(text: str) -> Evaluations:
         situations=table["situations"][0],
         steps=table["steps"],
         catches=table["catches"],
+        diverged=table["diverged"] if "diverged" in known else np.zeros(table.shape, dtype=bool),
     )

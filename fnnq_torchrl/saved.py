@@ -13,7 +13,7 @@ from fnnq_torchrl.keeper import Hand
 from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.plain import read_plain, write_plain
 
-FORMAT = 1
+FORMAT = 2
 NAME = "training.pt"
 
 # In what learning doesn't depend on; which engine it is tells the identity by itself.

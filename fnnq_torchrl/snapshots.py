@@ -41,6 +41,19 @@ class SnapshotBook:
             self.pages["weights", name][0] = weight
         self.collected = torch.zeros(runs, dtype=torch.int64)
 
+    def close(self, runs: Tensor, steps: Tensor) -> None:
+        """Have the last page of runs that go no further stand for all that were to come.
+
+        Args:
+            runs: their numbers, int64 ``[closed]``.
+            steps: that they have taken, int64 ``[closed]``.
+        """
+        for run, taken in zip(runs.tolist(), steps.tolist(), strict=True):
+            last = int(self.collected[run])
+            for weights in self.pages["weights"].values():
+                weights[last + 1 :, run] = weights[last, run]
+            self.pages["steps"][last + 1 :, run] = taken
+
     def collect(self, runs: Tensor, state: TensorDictBase) -> None:
         """Put the snapshots that are new since the last call on their pages.
 

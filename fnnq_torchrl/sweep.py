@@ -154,7 +154,7 @@ def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
         groups.setdefault(kind, []).append(read_evaluations(job.directory / "evaluations.csv"))
     return [
         Curve(
-            label=", ".join(
+            name=", ".join(
                 f"{_symbol(key)} = {_short(value)}"
                 for key, value in zip(keys, kind, strict=True)
                 if value is not None
@@ -162,6 +162,7 @@ def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
             or f"{_symbol('lam')} = {group[0].lam[0]:g}",
             situations=group[0].situations,
             catches=np.concatenate([evaluations.catches for evaluations in group]),
+            diverged=sum(evaluations.diverged_runs for evaluations in group),
         )
         for kind, group in groups.items()
     ]

@@ -77,6 +77,7 @@ class Trainer:
             rule=Rule(config.variant, config.trace, config.window),
             exploration=config.exploration,
             evaluate_every=config.evaluation.every,
+            largest_value=config.diverged_beyond * config.env.largest_return,
         )
 
     @torch.no_grad()
@@ -109,6 +110,7 @@ class Trainer:
     ) -> Outcome:
         """Score all snapshots of all runs, together."""
         config, engine, ledger = self.config, self.engine, self.ledger
+        ledger.stop_where_not_finite()
         # There is no trace to keep, and nothing is written to the weights: twice as many fit.
         lanes = lanes_for(self.situations_to_play, engine.workers, 2 * engine.most_lanes)
         tests = torch.tensor(config.evaluation.situations, dtype=self.dtype, device=self.device)
@@ -134,6 +136,7 @@ class Trainer:
             situations=(torch.arange(len(pages)) * config.evaluation.every).numpy(),
             steps=pages["steps"].T.contiguous().cpu().numpy(),
             catches=ledger.catches.T.contiguous().numpy(),
+            diverged=ledger.diverged.T.contiguous().numpy(),
             batch_runs=config.num_seeds,
             batch_learning_steps=self.learning_steps,
             train_seconds=ledger.seconds["train"],

@@ -47,6 +47,7 @@ def make_program(
         rule=Rule(config.variant, config.trace, config.window),
         exploration=config.exploration,
         evaluate_every=config.evaluation.every,
+        largest_value=config.diverged_beyond * config.env.largest_return,
     )
 
 

@@ -54,6 +54,7 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "trace": "output",
         "window": 10,
         "engine": "auto",
+        "diverged_beyond": 100,
         "situations": 200,
         "resume": "auto",
         "checkpoint": {"every_s": 300},

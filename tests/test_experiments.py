@@ -95,6 +95,7 @@ def test_the_measures_by_hand() -> None:
         situations=5 * np.arange(21),
         steps=catches,
         catches=catches,
+        diverged=np.zeros(catches.shape, dtype=bool),
     )
     found = {name: measure.of(evaluations)[0] for name, measure in MEASURES.items()}
     assert found == {

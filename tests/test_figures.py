@@ -30,6 +30,7 @@ def evaluations(lams: list[float], runs: int, count: int = 41, best: int = 5) ->
         situations=5 * np.arange(count),
         steps=np.full(shape, 7),
         catches=np.random.default_rng(0).integers(0, best + 1, size=shape),
+        diverged=np.zeros(shape, dtype=bool),
     )
 
 
@@ -127,7 +128,12 @@ def test_the_words_come_from_the_data(data: Evaluations, title: str, caption: st
 def test_unequal_numbers_of_runs_are_told() -> None:
     data = evaluations([0.1, 0.2], 3)
     rest = Evaluations(
-        data.seed[1:], data.lam[1:], data.situations, data.steps[1:], data.catches[1:]
+        data.seed[1:],
+        data.lam[1:],
+        data.situations,
+        data.steps[1:],
+        data.catches[1:],
+        data.diverged[1:],
     )
     shown = [text.get_text() for text in texts(learning_curve_figure(rest))]
     assert "Learning curves for 2 values of λ, 2 to 3 runs each" in shown
@@ -194,7 +200,7 @@ def test_labels_that_coincide_move_apart_evenly() -> None:
 
 
 def curve(label: str, score: int, count: int = 5) -> Curve:
-    return Curve(label, 5 * np.arange(count), np.full((2, count), score))
+    return Curve(label, 5 * np.arange(count), np.full((2, count), score), diverged=0)
 
 
 def test_of_more_curves_than_can_be_told_apart_the_best_are_labelled() -> None:

@@ -8,7 +8,7 @@ import torch
 
 from envs.world import World
 from fnnq_torchrl import job as job_module
-from fnnq_torchrl.batches import Job, JobFailed, as_one
+from fnnq_torchrl.batches import Job, as_one
 from fnnq_torchrl.checkpoint import load_checkpoint
 from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import (
@@ -200,6 +200,33 @@ def test_a_save_that_fails_ends_only_what_ends_anyway(tmp_path, monkeypatch, cap
 
 def test_an_earlier_summary_does_not_stay_beside_new_files(tmp_path):
     (tmp_path / "summary.json").write_text("{}")
-    with pytest.raises(JobFailed, match="diverged"):
-        run_job(load_config("situations=5", "alpha=1e30"), tmp_path)
+    (tmp_path / "evaluations.csv").mkdir()
+    with pytest.raises(IsADirectoryError):
+        run_job(load_config("situations=5"), tmp_path)
     assert not (tmp_path / "summary.json").exists()
+
+
+def test_diverged_runs_are_told_and_counted(tmp_path, capsys):
+    """Some of the batch diverge at once; the others know nothing of it."""
+    jobs = [
+        Job(load_config("situations=10", "num_seeds=2", f"alpha={alpha}"), tmp_path / f"{alpha}")
+        for alpha in (0.4, 1e30)
+    ]
+    for job in jobs:
+        job.directory.mkdir()
+    (tmp_path / "alone").mkdir()
+    ((well, ill),) = run_batches([jobs], pictures=True)
+    assert "diverged: 2 of 4 runs (seed 0, 1); they stopped" in capsys.readouterr().err
+    assert run_job(jobs[0].config, tmp_path / "alone") == well
+    assert "diverged" not in capsys.readouterr().err
+
+    diverged = read_evaluations(jobs[1].directory / "evaluations.csv")
+    assert diverged.diverged.tolist() == [[False, True, True]] * 2
+    assert (diverged.catches[:, 1:] == 0).all()
+    assert ill == 0
+    steps = diverged.steps[:, 1:]
+    assert (steps == steps[:, :1]).all()  # it stopped
+    assert (steps > 0).all()
+    summary = json.loads((jobs[1].directory / "summary.json").read_text())
+    assert (summary["runs"], summary["diverged_runs"]) == (2, 2)
+    assert load_checkpoint(jobs[1].directory / "checkpoint.pt").weights["weight"].isfinite().all()

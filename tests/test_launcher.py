@@ -153,30 +153,18 @@ def test_another_sweep_may_not_have_the_directory(
     assert {path: path.read_bytes() for path in folded.glob("*/**/*") if path.is_file()} == before
 
 
-def test_a_job_that_diverges_fails_alone(tmp_path: Path, command: Callable[..., Ended]) -> None:
-    sweep = ("alpha=0.4,1e30", "lam=0,0.4", "num_seeds=2", *QUICKEST, f"hydra.sweep.dir={tmp_path}")
-    status, _, stderr = command(*sweep, "-m")
-    assert status == 1
-    assert stderr.splitlines()[-1].startswith("job 2 (alpha=1e+30 lam=0 num_seeds=2 ")
-    assert "failed: seeds 0, 1 diverged, " in stderr.splitlines()[-1]
-    for number, finished in enumerate([True, True, False, False]):
-        job = tmp_path / str(number)
-        assert (job / "summary.json").exists() == finished
-        assert (job / "evaluations.csv").exists()
-        assert ("diverged" in (job / "train.log").read_text()) != finished
-    scores = [row["mean_score"] for row in rows(tmp_path / "summary.csv")]
-    assert scores[2:] == ["", ""]
-    assert "" not in scores[:2]
-    assert {row["alpha"] for row in rows(tmp_path / "evaluations.csv")} == {"0.4"}
-
-
-def test_a_job_alone_that_diverges_is_one_line(
+def test_a_job_that_diverges_is_counted_and_spoils_no_other(
     tmp_path: Path, command: Callable[..., Ended]
 ) -> None:
-    status, _, stderr = command("alpha=1e30", *QUICKEST, f"hydra.run.dir={tmp_path}")
-    assert status == 1
-    assert stderr.splitlines()[-1].startswith("seed 0 diverged, ")
-    assert not (tmp_path / "summary.json").exists()
+    sweep = ("alpha=0.4,1e30", "num_seeds=2", *QUICKEST, f"hydra.sweep.dir={tmp_path}")
+    status, _, stderr = command(*sweep, "-m")
+    assert status == 0
+    assert "diverged: 2 of 4 runs (seed 0, 1); they stopped" in stderr
+    summaries = rows(tmp_path / "summary.csv")
+    assert [row["diverged_runs"] for row in summaries] == ["0", "2"]
+    assert summaries[1]["mean_score"] == "0.0"
+    evaluations = rows(tmp_path / "evaluations.csv")
+    assert {row["alpha"] for row in evaluations if row["diverged"] == "1"} == {"1e30"}
 
 
 def test_a_file_that_cant_be_written_fails_its_own_job_and_the_last(

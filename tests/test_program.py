@@ -50,7 +50,12 @@ def mdp_program(runs: int, rule: Rule) -> Program:
         runs=runs,
     )
     return Program(
-        RandomMDP(runs), network, rule=rule, exploration="epsilon_greedy", evaluate_every=1
+        RandomMDP(runs),
+        network,
+        rule=rule,
+        exploration="epsilon_greedy",
+        evaluate_every=1,
+        largest_value=1e6,
     )
 
 
@@ -221,6 +226,29 @@ def test_alpha_decays_after_a_catch_only_and_situations_are_counted() -> None:
         seen["catch"] += int(caught.sum())
         seen["miss"] += int(ended.sum() - caught.sum())
     assert min(seen.values()) > 0
+
+
+@torch.no_grad()
+def test_a_run_whose_values_leave_all_bounds_has_diverged_and_stops_counting() -> None:
+    settings = config("evaluation.every=1", "situations=100")
+    run = make_runs(settings, 4)
+    program = make_program(settings, run)
+    state = program.begin(run)
+    bound = program.largest_value
+    assert bound == 100  # of the largest return, a catch
+    for i, weight in enumerate((0.99 * bound, -1.01 * bound, torch.nan, 1.01 * bound)):
+        state["weights", "weight"][i] = weight
+    state["over"][3] = True  # what becomes of it is nobody's business
+    first = program.step(run, state)
+    assert first["diverged"].squeeze(-1).tolist() == [False, True, True, False]
+    assert first["over"].squeeze(-1).tolist() == [False, True, True, False]
+    assert first["steps"].squeeze(-1).tolist() == [1, 0, 0, 1]
+    for _ in range(30):
+        state = program.step(run, state)
+    assert torch.equal(state["diverged"][1:3], torch.ones(2, 1, dtype=torch.bool))
+    assert (state["steps"][1:3] == 0).all()
+    assert (state["situations"][1:3] == 0).all()
+    assert state["situations"][0] > 0
 
 
 def test_no_two_entries_of_the_first_state_share_memory() -> None:

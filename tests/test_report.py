@@ -11,6 +11,7 @@ from fnnq_torchrl.results import Summary
 SUMMARY = Summary(
     runs=22,
     lam=[0.2],
+    diverged_runs=0,
     learning_steps=1_234_567,
     batch_runs=22,
     train_seconds=10.0,

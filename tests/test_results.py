@@ -24,6 +24,7 @@ TWO_RUNS = Outcome(
     situations=np.array([0, 5, 10]),
     steps=np.array([[0, 310, 600], [0, 280, 450]]),
     catches=np.array([[1, 2, 4], [0, 5, 5]]),
+    diverged=np.array([[False, False, False], [False, False, True]]),
     batch_runs=4,
     batch_learning_steps=2100,
     train_seconds=0.5,
@@ -31,13 +32,13 @@ TWO_RUNS = Outcome(
     evaluate_seconds=0.125,
 )
 TWO_RUNS_CSV = """\
-seed,lam,situations,steps,catches
-3,0.2,0,0,1
-3,0.2,5,310,2
-3,0.2,10,600,4
-4,0.1,0,0,0
-4,0.1,5,280,5
-4,0.1,10,450,5
+seed,lam,situations,steps,catches,diverged
+3,0.2,0,0,1,0
+3,0.2,5,310,2,0
+3,0.2,10,600,4,0
+4,0.1,0,0,0,0
+4,0.1,5,280,5,0
+4,0.1,10,450,5,1
 """
 SINGLE_RUN = replace(
     TWO_RUNS,
@@ -45,6 +46,7 @@ SINGLE_RUN = replace(
     lam=TWO_RUNS.lam[:1],
     steps=TWO_RUNS.steps[:1],
     catches=TWO_RUNS.catches[:1],
+    diverged=TWO_RUNS.diverged[:1],
 )
 
 
@@ -61,6 +63,7 @@ def any_evaluations(draw: st.DrawFn) -> Evaluations:
         situations=np.cumsum([0, *rising]),
         steps=draw(hnp.arrays(np.int64, (runs, evaluations), elements=counts)),
         catches=draw(hnp.arrays(np.int64, (runs, evaluations), elements=counts)),
+        diverged=draw(hnp.arrays(np.bool_, (runs, evaluations))),
     )
 
 
@@ -87,11 +90,19 @@ def test_further_columns_are_passed_over(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_evaluations(path).catches, TWO_RUNS.catches)
 
 
+def test_a_file_without_the_last_column_has_no_diverged_runs(tmp_path: Path) -> None:
+    path = tmp_path / "evaluations.csv"
+    path.write_text("".join(f"{row.rpartition(',')[0]}\n" for row in TWO_RUNS_CSV.split()))
+    older = read_evaluations(path)
+    np.testing.assert_array_equal(older.catches, TWO_RUNS.catches)
+    assert older.diverged_runs == 0
+
+
 def test_a_file_cut_anywhere_is_refused_unless_whole_runs_are_left(tmp_path: Path) -> None:
     path = tmp_path / "evaluations.csv"
     first_run = TWO_RUNS_CSV.index("4,0.1,0,0,0")
     # A lone first run that lacks its last rows can't be told from a shorter one.
-    readable = {first_run, TWO_RUNS_CSV.index("3,0.2,10,600,4")}
+    readable = {first_run, TWO_RUNS_CSV.index("3,0.2,10,600,4,0")}
     for length in range(len(TWO_RUNS_CSV)):
         path.write_text(TWO_RUNS_CSV[:length])
         if length in readable:
@@ -107,10 +118,10 @@ def test_a_file_cut_anywhere_is_refused_unless_whole_runs_are_left(tmp_path: Pat
         ("seed,lam", "lam,seed", "its columns must begin seed,lam,situations,steps,catches"),
         ("3,0.2,5,310,2", "9,0.2,5,310,2", "seed changes within a run"),
         ("3,0.2,5,310,2", "3,0.3,5,310,2", "lam changes within a run"),
-        ("3,0.2,5,310,2\n", "", "some run lacks"),
+        ("3,0.2,5,310,2,0\n", "", "some run lacks"),
         ("4,0.1,5", "4,0.1,6", "not all evaluated after the same situations"),
         ("4,0.1,5", "4,0.1,10", "not all evaluated after the same situations"),
-        ("4,0.1,0,0,0\n", "", "seed changes within a run"),
+        ("4,0.1,0,0,0,0\n", "", "seed changes within a run"),
         ("310,2", "310", "column"),
         ("310", "31x", "could not convert"),
         ("310", "3.5", "could not convert"),
@@ -163,7 +174,13 @@ def test_scores_leave_out_the_evaluation_before_learning() -> None:
 
 def test_the_final_score_is_over_the_last_eight_evaluations() -> None:
     catches = np.array([[5, 5, 5, *[1, 2] * 4]])
-    outcome = replace(SINGLE_RUN, situations=np.arange(0, 55, 5), steps=catches, catches=catches)
+    outcome = replace(
+        SINGLE_RUN,
+        situations=np.arange(0, 55, 5),
+        steps=catches,
+        catches=catches,
+        diverged=catches < 0,
+    )
     assert outcome.final_score == [1.5]
     assert outcome.mean_score == [2.2]
 
@@ -174,6 +191,7 @@ def test_summary_by_hand(tmp_path: Path) -> None:
     interval = pytest.approx([4 - 12.7062, 4 + 12.7062], abs=1e-4)
     expected = {
         "runs": 2,
+        "diverged_runs": 1,
         "lam": [0.1, 0.2],
         "learning_steps": 1050,
         "batch_runs": 4,

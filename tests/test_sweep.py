@@ -36,6 +36,7 @@ def make(tmp_path: Path) -> Make:
                 situations=5 * np.arange(scores.shape[1]),
                 steps=10 * np.arange(scores.size).reshape(scores.shape),
                 catches=scores,
+                diverged=np.zeros(scores.shape, dtype=bool),
                 batch_runs=9,
                 batch_learning_steps=900,
                 train_seconds=3.0,
@@ -84,7 +85,7 @@ def test_every_swept_key_is_a_column(
     write_sweep(tmp_path, jobs)
     evaluations = rows(tmp_path / "evaluations.csv")
     assert list(evaluations[0]) == [
-        *("seed", "lam", "situations", "steps", "catches", "job", "value.action")
+        *("seed", "lam", "situations", "steps", "catches", "diverged", "job", "value.action")
     ]
     assert [row["catches"] for row in evaluations] == list("024135234")
     assert [row["value.action"] for row in evaluations] == [labels] * 3 + ["[[0,1]]"] * 6

@@ -1,7 +1,10 @@
 """The value functions that can take the fuzzy network's place."""
 
 import math
+import re
 from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -22,6 +25,8 @@ CANDIDATES = torch.linspace(-1, 1, 21, dtype=torch.float64)
 RUNS = 3
 SMALL = {"mlp": ["value.widths=[6]"], "tiles": ["value.tilings=4", "value.tiles=3"]}
 """For the kinds that are large otherwise."""
+
+PAGE = Path(__file__).parents[1] / "docs" / "values.md"
 
 numbers = st.integers(-200, 200).map(lambda n: n / 101)  # on no border but at 0
 
@@ -205,3 +210,22 @@ def test_a_bearing_beyond_the_range_has_the_tile_at_the_edge() -> None:
 def test_far_from_every_centre_radial_basis_functions_are_zero() -> None:
     far: Tensor = make("rbf")(torch.full((RUNS, 1), 30.0, dtype=torch.float64))
     assert (far == 0).all()
+
+
+@torch.no_grad()
+def test_the_documented_value_function_of_ones_own_learns() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    names = {"torch": torch, "nn": torch.nn, "ValueNetwork": ValueNetwork}
+    exec(code, names)  # noqa: S102  # our own page
+    settings = config("alpha=0.01")
+    runs = make_runs(settings, 4)
+    candidates = torch.linspace(-1, 1, 21)
+    own = SimpleNamespace(inputs=["bearing"], order=2)
+    network = names["FourierValue"].from_config(own, candidates, runs=4)
+    state = advance(make_program(settings, runs, network), runs, 40)
+    assert state["weights", "weight"].shape == (4, 9)
+    assert (state["weights", "weight"] != 0).all()
+    network.weight.copy_(state["weights", "weight"])
+    bearing = torch.rand(4, 3, 1, generator=torch.Generator().manual_seed(0))
+    alone = network(bearing, action=candidates[7].expand_as(bearing))
+    torch.testing.assert_close(alone, network(bearing)[..., 7:8])

@@ -56,6 +56,7 @@ def learning_curve_figure(evaluations: Evaluations, best: int | None = None) -> 
             setting_words("lam", float(lam)),
             evaluations.situations,
             evaluations.catches[evaluations.lam == lam],
+            int(evaluations.diverged[evaluations.lam == lam, -1].sum()),
         )
         for lam in np.unique(evaluations.lam)
     ]
@@ -69,6 +70,7 @@ def experiment_curves_figure(experiment: Experiment, key: str) -> Figure:
             setting_words(key, job.settings[key]),
             job.evaluations.situations,
             job.evaluations.catches,
+            job.evaluations.diverged_runs,
         )
         for job in experiment.jobs
     ]
@@ -78,9 +80,15 @@ def experiment_curves_figure(experiment: Experiment, key: str) -> Figure:
 class Curve(NamedTuple):
     """The runs of one configuration."""
 
-    label: str
+    name: str
     situations: NDArray[np.int64]  # [evaluations], learning situations before each
     catches: NDArray[np.int64]  # [runs, evaluations]
+    diverged: int  # runs; from then on they have no catch
+
+    @property
+    def label(self) -> str:
+        """The name and, if there are any, how many runs have diverged."""
+        return f"{self.name} ({self.diverged:,} diverged)" if self.diverged else self.name
 
     @property
     def mean_score(self) -> NDArray[np.float64]:
