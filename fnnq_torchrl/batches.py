@@ -14,6 +14,9 @@ BATCHABLE = (*PER_RUN, "num_seeds")
 SAVING = ("resume", "checkpoint")
 """The keys that say how training is saved and gone on with; no result depends on them."""
 
+SNAPSHOTS = "snapshots.pt"
+"""The file with the weights of all evaluations, which a job leaves if it is to."""
+
 
 @dataclass(frozen=True)
 class Job:

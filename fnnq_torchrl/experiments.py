@@ -11,7 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 from fnnq_torchrl.config import ConfigError, to_config
 from fnnq_torchrl.results import Evaluations, read_evaluations
 
-HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s")
+HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s", "checkpoint.snapshots")
 """Keys that don't change what is computed."""
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import torch
 from tensordict import TensorDictBase
 
-from fnnq_torchrl.batches import Job, as_one
+from fnnq_torchrl.batches import SNAPSHOTS, Job, as_one
 from fnnq_torchrl.checkpoint import save_checkpoint
 from fnnq_torchrl.config import Config, ConfigError, OutOfRange
 from fnnq_torchrl.engine import choose, make_engine
@@ -19,6 +19,7 @@ from fnnq_torchrl.keeper import Hand, HandsKeeper
 from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
 from fnnq_torchrl.saved import SavedTraining
+from fnnq_torchrl.snapshot_file import save_snapshots
 from fnnq_torchrl.trainer import Trainer
 
 _WRITERS = 8
@@ -31,8 +32,9 @@ _NAMED = 5
 def run_job(config: Config, directory: Path) -> float:
     """Train all runs of a job and say what came of it.
 
-    Leaves ``checkpoint.pt``, ``evaluations.csv``, ``learning_curve.png`` and, last of all,
-    ``summary.json`` in the directory, and a table on the screen.
+    Leaves ``checkpoint.pt``, ``snapshots.pt`` if it is to, ``evaluations.csv``,
+    ``learning_curve.png`` and, last of all, ``summary.json`` in the directory, and a table on the
+    screen.
 
     Returns:
         The objective, the mean score over the runs.
@@ -105,7 +107,7 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
         job, (begin, end) = job_and_bounds
         runs = slice(begin, end)
         try:
-            return _write(job, outcome.of(runs), trainer.weights[runs], pictures)
+            return _write(job, outcome.of(runs), trainer.ledger.book.pages[:, runs], pictures)
         except OSError as error:
             return error
 
@@ -144,11 +146,15 @@ def _train(trainer: Trainer, saved: SavedTraining) -> Outcome:
     return outcome
 
 
-def _write(job: Job, outcome: Outcome, weights: TensorDictBase, pictures: bool) -> float:
+def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) -> float:
     directory, config = job.directory, job.config
     evaluations = directory / "evaluations.csv"
-    (directory / "summary.json").unlink(missing_ok=True)  # an earlier one isn't of these files
-    save_checkpoint(directory / "checkpoint.pt", weights, outcome.seed, outcome.lam, asdict(config))
+    for name in ("summary.json", SNAPSHOTS):  # an earlier one isn't of these files
+        (directory / name).unlink(missing_ok=True)
+    weights, runs = pages["weights"], (outcome.seed, outcome.lam, asdict(config))
+    save_checkpoint(directory / "checkpoint.pt", weights[-1], *runs)
+    if config.checkpoint.snapshots:
+        save_snapshots(directory / SNAPSHOTS, weights, outcome.situations, *runs)
     write_evaluations(evaluations, outcome)
     if pictures:
         picture = directory / "learning_curve.png"

@@ -17,7 +17,7 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
-from fnnq_torchrl.batches import BATCHABLE, SAVING, Job
+from fnnq_torchrl.batches import BATCHABLE, SAVING, SNAPSHOTS, Job
 from fnnq_torchrl.compose import explain, key_of
 from fnnq_torchrl.config import ConfigError, to_config
 
@@ -137,6 +137,8 @@ class SweptJob:
         except FileNotFoundError:
             return False
         if saved != self.configuration() and not self._is_same(saved):
+            return False
+        if self.config.checkpoint.snapshots and not (self.directory / SNAPSHOTS).exists():
             return False
         return (self.directory / "summary.json").exists()  # the last file that a job writes
 

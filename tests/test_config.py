@@ -57,7 +57,7 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "diverged_beyond": 100,
         "situations": 200,
         "resume": "auto",
-        "checkpoint": {"every_s": 300},
+        "checkpoint": {"every_s": 300, "snapshots": False},
         "env": {
             "time_step_s": 0.1,
             "speed_mps": 0.3,

@@ -56,6 +56,7 @@ FLOORS = {
     "fnnq_torchrl.report": 3,
     "fnnq_torchrl.saved": 3,
     "fnnq_torchrl.reproduction": 3,
+    "fnnq_torchrl.snapshot_file": 3,
     "fnnq_torchrl.snapshots": 3,
     "fnnq_torchrl.sweep": 3,
     "fnnq_torchrl.trainer": 3,
