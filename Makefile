@@ -9,7 +9,7 @@ SEEDS := 1000
 JAX := benchmarks/.jax
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction test test-wheel bench bench-jax agreement lint format clean
+.PHONY: help install run figures reproduction extrapolation test test-wheel bench bench-jax agreement lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -28,6 +28,10 @@ reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 se
 	for name in fig2_large fig3_large decay_large; do $(EXPERIMENT) +experiment=$$name || exit; done
 	for name in traces decay exploration variants open_choices; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction
+
+extrapolation: install  ## docs/extrapolation.md: what value functions do where they have seen nothing
+	for name in value_functions extrapolation; do $(EXPERIMENT) +experiment=$$name || exit; done
+	$(BIN)/python -m fnnq_torchrl.extrapolation
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto

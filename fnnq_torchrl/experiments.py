@@ -21,10 +21,11 @@ class NoResults(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A job's configuration, by its keys with their groups, and its evaluations."""
+    """A job's configuration, by its keys with their groups, its evaluations, and where it is."""
 
     settings: dict[str, Any]
     evaluations: Evaluations
+    directory: Path
 
     @property
     def best(self) -> int:
@@ -142,7 +143,8 @@ def _read_job(directory: Path) -> Job:
         config = to_config(node)
     except ConfigError as error:
         raise ValueError(f"{path}: {error}") from error
-    return Job(dict(_flat(asdict(config))), read_evaluations(directory / "evaluations.csv"))
+    evaluations = read_evaluations(directory / "evaluations.csv")
+    return Job(dict(_flat(asdict(config))), evaluations, directory)
 
 
 def _flat(settings: Mapping[Any, Any], group: str = "") -> list[tuple[str, Any]]:

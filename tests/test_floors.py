@@ -44,6 +44,7 @@ FLOORS = {
     "fnnq_torchrl.engine": 3,
     "fnnq_torchrl.evaluation": 3,
     "fnnq_torchrl.experiments": 3,
+    "fnnq_torchrl.extrapolation": 3,
     "fnnq_torchrl.figures": 3,
     "fnnq_torchrl.measures": 3,
     "fnnq_torchrl.inductor": 3,
@@ -63,6 +64,7 @@ FLOORS = {
     "fnnq_torchrl.work": 3,
     "fnnq_torchrl.cli": 4,
     "fnnq_torchrl.compose": 4,
+    "fnnq_torchrl.extrapolation.__main__": 4,
     "fnnq_torchrl.figures.__main__": 4,
     "fnnq_torchrl.reproduction.__main__": 4,
     "fnnq_torchrl.launcher": 4,
@@ -76,7 +78,8 @@ ONLY_IN = {
     "matplotlib": {
         f"fnnq_torchrl.figures{module}"
         for module in ("", ".curves", ".dots", ".gallery", ".lines", ".readings", ".style")
-    },
+    }
+    | {"fnnq_torchrl.extrapolation.pictures"},
     "submitit": {"fnnq_torchrl.cluster"},
     "wandb": set(),
 }
