@@ -64,9 +64,9 @@ five (`+experiment=value_functions`, {sweep_runs} seeds each):
 ![Movement of Q against the bearing](figures/extrapolation_movement.png)
 
 {movement}
-«Beyond» is what lies outside the field of view, up to 1.5 rad: there the labels end, and no sensor
-reading ever comes from there, in learning or in tests. The last two columns are how far the greedy
-action there is from that at the edge of the view, in units of Δv.
+«Beyond» is what lies outside the field of view, up to 1.5 rad on either side. The sensor clips what
+it reports at ±{view:g} rad, so these states never occur, in learning or in tests. The last two
+columns are how far the greedy action there is from that at the edge of the view, in units of Δv.
 
 ## Catches, and what is forgotten
 
@@ -129,7 +129,7 @@ def _nothing_seen(findings: Sequence[Findings]) -> str:
     right = [float(each.would_see[:, 0].mean()) for each in findings]
     return (
         f"Of the states visited while learning on the left, at most {most:.2%} of any run were on "
-        "the unseen side. The sign of φ₀ alone would not have hidden it: with a head that sees both "
+        "the unseen side. The sign of φ₀ alone wouldn't have hidden it: with a head that sees both "
         f"sides, {min(right):.0%} to {max(right):.0%} of the states would have been to the right "
         "of straight ahead."
     )

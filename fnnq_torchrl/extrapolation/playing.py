@@ -29,14 +29,14 @@ _EVERY = 4
 Numbers = NDArray[np.float64]
 
 
-def tests(side: int) -> Tensor:
+def starts(side: int) -> Tensor:
     """Starts of the ball (φ₀, ω_b) on the left (1) or, its mirror image, on the right (−1).
 
     Returns:
         In rad and rad/s, ``[tests, 2]``.
     """
-    starts = [(angle, speed) for angle in ANGLES_RAD for speed in SPEEDS_RADPS]
-    return side * torch.tensor(starts)
+    of_left = [(angle, speed) for angle in ANGLES_RAD for speed in SPEEDS_RADPS]
+    return side * torch.tensor(of_left)
 
 
 @torch.no_grad()
@@ -59,7 +59,7 @@ def catches(learner: Learner, pages: Sequence[int], side: int) -> Numbers:
     playing = Playing(
         learner.network,
         learner.config.env.on_both_sides(),
-        tests(side).to(learner.network.candidates.dtype),
+        starts(side).to(learner.network.candidates.dtype),
         learner.snapshots.seed.unsqueeze(-1),
         TensorDict(weights, shape),
         torch.zeros(*shape, TESTS, dtype=torch.bool),
