@@ -6,10 +6,13 @@ STAMP := $(VENV)/installed
 # A picture of each job would take longer than the jobs.
 EXPERIMENT := $(BIN)/python -m fnnq_torchrl.train hydra.launcher.pictures_up_to=0
 SEEDS := 1000
+KILLS := 25
+STEPS := 10
 JAX := benchmarks/.jax
+SB3 := benchmarks/peers/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction extrapolation test test-wheel bench bench-jax agreement lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation test test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -29,6 +32,10 @@ reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 se
 	for name in traces decay exploration variants open_choices; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction
 
+adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 seeds (SEEDS=22: fewer)
+	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
+	$(BIN)/python -m fnnq_torchrl.adaptive
+
 extrapolation: install  ## docs/extrapolation.md: what value functions do where they have seen nothing
 	for name in value_functions extrapolation; do $(EXPERIMENT) +experiment=$$name || exit; done
 	$(BIN)/python -m fnnq_torchrl.extrapolation
@@ -43,15 +50,27 @@ test-wheel: install  ## build the wheel, install it in an empty environment and 
 	mkdir dist/elsewhere && cd dist/elsewhere && ../empty/bin/python -m fnnq_torchrl.train situations=5 num_seeds=2
 	test -f dist/elsewhere/outputs/*/summary.json
 
+torture: install  ## kill jobs at random moments, have them go on, compare what they leave (KILLS=25)
+	$(BIN)/python benchmarks/torture.py --kills $(KILLS)
+
+soak: install  ## does memory grow with the learning steps? (STEPS=10 million)
+	$(BIN)/python benchmarks/soak.py --steps $(STEPS)
+
 bench: install  ## measure the figures of the README and docs/performance.md (SPEED=--large: 100,000 runs too)
 	-@$(MAKE) --no-print-directory bench-jax
 	$(BIN)/python benchmarks/command.py
 	$(BIN)/python benchmarks/speed.py --write docs/performance.md $(SPEED)
 
+bench-loggers: install  ## how long it takes to log 1,000 runs, for docs/loggers.md
+	$(BIN)/python benchmarks/loggers.py
+
 agreement: install  ## do 2,000 runs learn the same, eager and compiled? Takes minutes
 	$(BIN)/python benchmarks/agreement.py
 
 bench-jax: $(JAX)/installed  ## an environment of its own for the JAX yardstick, which bench does without if it must
+
+peers: install $(SB3)/installed  ## docs/peers.md: TorchRL's and Stable-Baselines3's DQN on the same task (takes ten minutes)
+	$(BIN)/python -m benchmarks.peers
 
 lint: install  ## ruff and mypy
 	$(BIN)/ruff check
@@ -62,12 +81,12 @@ format: install  ## rewrite the code as ruff would have it
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-clean:  ## remove .venv, the JAX environment, dist and caches, never outputs/
-	rm -rf $(VENV) $(JAX) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
+clean:  ## remove .venv, the environments of JAX and of the peers, dist and caches, never outputs/
+	rm -rf $(VENV) $(JAX) $(SB3) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 # The pins hold for build backends too: from pip 25.3 on they have a variable of their own.
-$(STAMP): export PIP_CONSTRAINT := constraints.txt
-$(STAMP): export PIP_BUILD_CONSTRAINT := constraints.txt
+$(STAMP) $(SB3)/installed: export PIP_CONSTRAINT := constraints.txt
+$(STAMP) $(SB3)/installed: export PIP_BUILD_CONSTRAINT := constraints.txt
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed and $(PYTHON) is %d.%d: make PYTHON=/path/to/python3.11" % sys.version_info[:2])'
 	@echo "Installing into $(VENV): some minutes the first time, torch is large"
@@ -78,4 +97,9 @@ $(STAMP): pyproject.toml constraints.txt
 $(JAX)/installed: benchmarks/jax-requirements.txt
 	@$(PYTHON) -m venv $(JAX)
 	@$(JAX)/bin/python -m pip install -qq -r $<
+	@touch $@
+
+$(SB3)/installed: benchmarks/peers/requirements.txt pyproject.toml constraints.txt
+	@$(PYTHON) -m venv $(SB3)
+	@$(SB3)/bin/python -m pip install -qq -r $< -e '.[gymnasium]'
 	@touch $@

@@ -28,7 +28,7 @@ def judge(
     Returns:
         The reward, and whether the situation has terminated (bool), both of that shape.
     """
-    caught = east_m.square() + north_m.square() < catch_distance_m**2
+    caught = east_m.square() + north_m.square() < catch_distance_m * catch_distance_m
     terminated = caught | (step >= time_limit_steps)
     reward = torch.zeros_like(east_m).masked_fill(terminated, miss_reward)
     return reward.masked_fill(caught, catch_reward), terminated

@@ -11,7 +11,10 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from math import inf
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
+
+MOST = 2**63 - 1
+"""The greatest whole number: tensors hold no greater one."""
 
 
 class ConfigError(ValueError):
@@ -93,6 +96,17 @@ def pairs(first: str, second: str, *, above: float = -inf) -> Any:
     return _declare(holds, f"a list of at least one pair [{first}, {second}]{bound}")
 
 
+def texts(most: int) -> Any:
+    """A list of texts, empty or not, each of 1 to `most` letters."""
+    return _declare(
+        lambda value: (
+            isinstance(value, list)
+            and all(isinstance(text, str) and 1 <= len(text) <= most for text in value)
+        ),
+        f"a list of texts of 1 to {most} letters",
+    )
+
+
 def rising_pair(first: str, second: str) -> Any:
     """A list of two finite numbers, the second above the first."""
     return _declare(
@@ -153,6 +167,10 @@ def check(parameters: Parameters, prefix: str = "") -> None:
         if isinstance(value, Parameters):
             check(value, f"{key}.")
             continue
+        if value is None and _RANGE not in item.metadata:  # a group that isn't chosen
+            continue
+        if _is_whole(value) and value > MOST:
+            raise OutOfRange(key, value, f"at most 2**63 - 1 = {MOST}")
         entries = value if isinstance(value, dict) else {None: value}
         for entry, held in entries.items():
             if not item.metadata[_RANGE].holds(held):
@@ -176,8 +194,14 @@ def allowed(schema: type[Parameters], prefix: str = "") -> dict[str, str]:
     kinds = get_type_hints(schema)
     for item in fields(schema):  # type: ignore[arg-type]  # every subclass is a dataclass
         key, kind = prefix + item.name, kinds[item.name]
-        if isinstance(kind, type) and issubclass(kind, Parameters):
-            words |= allowed(kind, f"{key}.")
+        # `Group | None` is a group that may be absent.
+        groups = [
+            of
+            for of in (kind, *get_args(kind))
+            if isinstance(of, type) and issubclass(of, Parameters)
+        ]
+        if groups:
+            words |= allowed(groups[0], f"{key}.")
         else:
             words[key] = item.metadata[_RANGE].words
     return words

@@ -11,8 +11,8 @@ from fnnq_torchrl.config import PER_RUN, Config, run_columns
 BATCHABLE = (*PER_RUN, "num_seeds")
 """The keys in which jobs of one batch may differ; in all others they are equal."""
 
-SAVING = ("resume", "checkpoint")
-"""The keys that say how training is saved and gone on with; no result depends on them."""
+ASIDE = ("resume", "checkpoint", "logger")
+"""The keys on which no result depends: how training is saved and gone on with, and its loggers."""
 
 SNAPSHOTS = "snapshots.pt"
 """The file with the weights of all evaluations, which a job leaves if it is to."""
@@ -20,10 +20,11 @@ SNAPSHOTS = "snapshots.pt"
 
 @dataclass(frozen=True)
 class Job:
-    """What to train, and the directory for what it writes."""
+    """What to train, and the directory for what it writes; that of its sweep, if there is one."""
 
     config: Config
     directory: Path
+    sweep: Path | None = None
 
 
 class JobFailed(Exception):

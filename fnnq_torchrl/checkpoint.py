@@ -40,6 +40,8 @@ class Checkpoint:
             raise ValueError(
                 f"seed must be int64 and lam float64, got {self.seed.dtype} and {self.lam.dtype}"
             )
+        if not isinstance(self.config, dict):
+            raise ValueError(f"config must be a dictionary, got {type(self.config).__name__}")
         for name, weight in self.weights.items():
             if weight.shape[:1] != runs:
                 raise ValueError(

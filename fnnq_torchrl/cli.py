@@ -2,7 +2,6 @@
 
 import functools
 import os
-import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, count
@@ -18,8 +17,15 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from fnnq_torchrl.batches import Job, JobFailed, Result, RunBatches
-from fnnq_torchrl.compose import VERSION_BASE, SeveralValues, config_directory, explain
+from fnnq_torchrl.compose import (
+    VERSION_BASE,
+    SeveralValues,
+    config_directory,
+    explain,
+    is_of_hydra,
+)
 from fnnq_torchrl.config import Config, ConfigError, to_config
+from fnnq_torchrl.flags import as_typed, check_flags, only_shows
 from fnnq_torchrl.interruptions import Interrupted
 from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
 
@@ -65,7 +71,10 @@ def command(
 
     @functools.wraps(job)
     def main() -> None:
-        _check_flags(sys.argv)
+        try:
+            check_flags(sys.argv[0], sys.argv[1:])
+        except ConfigError as error:
+            _leave(2, str(error))
         if os.environ.get(FULL_ERROR) == "1":
             return application()
         try:
@@ -76,7 +85,7 @@ def command(
         except (HydraException, OmegaConfBaseException) as error:
             told = explain(error, sys.argv[1:])
             several = isinstance(told, SeveralValues)
-            _leave(2, f"{told}; type {_typed(*sys.argv, '-m')}" if several else str(told))
+            _leave(2, f"{told}; type {as_typed(*sys.argv, '-m')}" if several else str(told))
         except JobFailed as error:
             _leave(1, str(error))
         except Interrupted as error:
@@ -85,6 +94,10 @@ def command(
             _leave_over_a_file(error)
         except KeyboardInterrupt:
             _leave(130, "interrupted")
+        except Exception as error:
+            if not is_of_hydra(error):
+                raise
+            _leave(2, str(explain(error, sys.argv[1:])))
 
     return main
 
@@ -103,24 +116,6 @@ def _one_by_one(job: Callable[[Config, Path], float | None]) -> RunBatches:
             yield [run(each) for each in batch]
 
     return run_batches
-
-
-def _check_flags(arguments: Sequence[str]) -> None:
-    """Hydra's parser takes its flags before or after the overrides, and not between them."""
-    program, *rest = arguments
-    for flag in ("-m", "--multirun"):
-        if flag in rest:
-            place = rest.index(flag)
-            if any("=" in before for before in rest[:place]) and "=" in "".join(rest[place + 1 :]):
-                others = [argument for argument in rest if argument != flag]
-                _leave(2, f"{flag} goes last; type {_typed(program, *others, flag)}")
-
-
-def _typed(program: str, *arguments: str) -> str:
-    """A command as one would type it."""
-    name = Path(program).name
-    begin = f"python -m fnnq_torchrl.{Path(name).stem}" if name.endswith(".py") else name
-    return f"{begin} {shlex.join(arguments)}"
 
 
 def _leave(status: int, message: str) -> NoReturn:
@@ -149,5 +144,10 @@ def fresh_directory(path: str) -> str:
         return name
 
 
-# For conf/config.yaml. With the cache, all that one application asks for the path is one directory.
-OmegaConf.register_new_resolver("fresh_directory", fresh_directory, use_cache=True, replace=True)
+def _directory(path: str) -> str:
+    """For conf/config.yaml: what is only to be shown makes no directory."""
+    return path if only_shows() else fresh_directory(path)
+
+
+# With the cache, all that one application asks for the path is one directory.
+OmegaConf.register_new_resolver("fresh_directory", _directory, use_cache=True, replace=True)

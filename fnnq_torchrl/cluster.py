@@ -126,5 +126,5 @@ def _finished(job: Job) -> float | None:
     """The objective, if the job's directory has it."""
     try:
         return read_summary(job.directory / "summary.json")["mean_score"]
-    except FileNotFoundError:
+    except (FileNotFoundError, ValueError):  # none, or a damaged one
         return None

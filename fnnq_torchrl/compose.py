@@ -4,6 +4,7 @@ import difflib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from traceback import walk_tb
 
 from hydra import compose, initialize_config_dir, version
 from hydra.core.config_store import ConfigStore
@@ -45,33 +46,86 @@ def load_config(*overrides: str) -> Config:
             return to_config(compose("config", list(overrides)))
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, overrides) from error
+    except Exception as error:
+        if not is_of_hydra(error):
+            raise
+        raise explain(error, overrides) from error
 
 
-def explain(
-    error: HydraException | OmegaConfBaseException, overrides: Sequence[str]
-) -> ConfigError:
+def is_of_hydra(error: Exception) -> bool:
+    """Whether it is Hydra that can't do what it was asked for, and no job has begun to fail."""
+    modules = [frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__)]
+    known = [name.partition(".")[0] for name in modules]
+    known = [name for name in known if name in ("hydra", "omegaconf", "fnnq_torchrl", "envs")]
+    return known[-1:] in (["hydra"], ["omegaconf"]) and "fnnq_torchrl.job" not in modules
+
+
+def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
     """One line for an error on which Hydra spends several, without saying what is allowed.
 
     Args:
-        error: what composing a configuration raised.
+        error: what composing a configuration raised: mostly Hydra's or OmegaConf's own, but Hydra
+            stumbles over some input by errors of other kinds.
         overrides: the arguments it was composed with.
     """
+    if "group override must be" in str(error):
+        return _no_choice(overrides)
+    if isinstance(error, AssertionError) and (unchosen := _unchosen(overrides)):
+        return unchosen
     cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error
-    message = " ".join(str(error).split()) or str(cause).splitlines()[0]
+    message = " ".join(str(error).split()) or f"Hydra can't do that: {_origin(error)}"
     if isinstance(cause, OmegaConfBaseException):
         key = cause.full_key or "hydra"
         if key.partition(".")[0] == "hydra":
             return ConfigError(message + _advice_on_hydra(key))
         return refusal(cause, _given(key, overrides))
-    if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
-        return OutOfRange(group, choice, " or ".join(error.options))
+        # Of a choice that stands in a list Hydra doesn't say what else there is.
+        if options := error.options or _choices(group):
+            return OutOfRange(group, choice, " or ".join(options))
     if isinstance(error, OverrideParseException):
         return ConfigError(f"{error.override}: {_advice_on_parsing(error.override, overrides)}")
     for override in overrides:
         if "--multirun" in message and f"'{override}'" in message:
             return SeveralValues(f"{override}: several values need -m, a job for each")
     return ConfigError(message)
+
+
+def _origin(error: Exception) -> str:
+    """Where it was raised, for an error without words."""
+    *_, (frame, line) = walk_tb(error.__traceback__)
+    return f"{type(error).__name__} in {frame.f_code.co_filename}, line {line}"
+
+
+def _no_choice(overrides: Sequence[str]) -> ConfigError:
+    """Of overrides such as ``env=null``, what the group may be."""
+    wrong = []
+    for override in overrides:
+        group, _, value = override.partition("=")
+        choices = _choices(group)
+        if group in allowed(Config) or "." in group or value in choices:
+            continue
+        if group and choices:
+            return OutOfRange(group, value, " or ".join(choices))
+        wrong.append(override)
+    return ConfigError(f"{' '.join(wrong)}: must name one of the choices of a group")
+
+
+def _choices(group: str) -> list[str]:
+    """The files of a group of ours."""
+    return sorted(path.stem for path in (config_directory() / group).glob("*.yaml"))
+
+
+def _unchosen(overrides: Sequence[str]) -> ConfigError | None:
+    """Of settings, one of a logger that isn't chosen, on which OmegaConf fails an assertion."""
+    chosen = " ".join(override for override in overrides if key_of(override) == "logger")
+    for override in overrides:
+        group, _, below = key_of(override).partition(".")
+        name = below.partition(".")[0]
+        if group == "logger" and name and name not in chosen:
+            return ConfigError(f"{override}: {name} isn't chosen; 'logger=[csv,{name}]' does that")
+    return None
 
 
 class SeveralValues(ConfigError):

@@ -6,13 +6,14 @@ that a mistake is told before anything heavy is loaded.
 
 import difflib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import (
     ConfigAttributeError,
     ConfigKeyError,
+    ConfigTypeError,
     MissingMandatoryValue,
     OmegaConfBaseException,
     ValidationError,
@@ -33,11 +34,13 @@ from envs.ranges import (
     whole,
 )
 from envs.world import World
+from fnnq_torchrl.logger_config import LoggerConfig
 from fnnq_torchrl.value_config import VALUES, ValueConfig
 
 __all__ = [
     "EXPLORATIONS",
     "PER_RUN",
+    "STEP_SIZES",
     "TRACES",
     "VARIANTS",
     "ActionConfig",
@@ -59,6 +62,7 @@ PER_RUN = (
     "lam",
     "alpha",
     "alpha_decay",
+    "kappa",
     "gamma",
     "epsilon",
     "temperature",
@@ -71,6 +75,9 @@ VARIANTS = ("peng", "watkins", "naive")
 
 TRACES = ("output", "gradient", "replacing", "window")
 """What the trace is; the first two are the readings of step h (`fnnq_torchrl.qlambda.Rule`)."""
+
+STEP_SIZES = ("decay", "constant", "obgd", "alpha_bound")
+"""How large a step is (`fnnq_torchrl.step_size.StepSize`)."""
 
 EXPLORATIONS = {"epsilon_greedy": "epsilon", "boltzmann": "temperature", "noise": "noise_std"}
 """The ways to explore, each with the key that says how much (`fnnq_torchrl.policy`)."""
@@ -114,8 +121,10 @@ class Config(Parameters):
     lam: float = number(0, 1)
     seed: int = whole(0)
     num_seeds: int = whole(1)
+    step_size: str = one_of(*STEP_SIZES)
     alpha: float = number(0)
     alpha_decay: float = number(above=0, high=1)
+    kappa: float = number(above=1)
     gamma: float = number(0, 1)
     exploration: str = one_of(*EXPLORATIONS)
     epsilon: float = number(0, 1)
@@ -135,12 +144,15 @@ class Config(Parameters):
     evaluation: EvaluationConfig
     machine: MachineConfig
     checkpoint: CheckpointConfig
+    logger: LoggerConfig = field(default_factory=LoggerConfig)  # of none but the result files
 
     def __post_init__(self) -> None:
         check(self)
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """A last evaluation before the end of learning; seeds that leave the 63 bits."""
+        """A constant that decays; learning beyond the last evaluation; seeds beyond 63 bits."""
+        if self.step_size == "constant" and self.alpha_decay != 1:
+            yield OutOfRange("alpha_decay", self.alpha_decay, "1 where step_size=constant")
         every = self.evaluation.every
         if self.situations % every:
             multiple = f"a whole multiple of evaluation.every={every}"
@@ -232,10 +244,13 @@ def refusal(error: OmegaConfBaseException, given: object, kind: str | None = Non
         return UnknownKey(key, given, kind)
     # What stands in a mapping has no range of its own but the mapping's.
     words = ranges.get(key) or ranges.get(_group(key))
+    if below := [_name(each) for each in ranges if each.startswith(f"{key}.")]:
+        words = words or f"a mapping of {', '.join(below)}"
     if isinstance(error, MissingMandatoryValue) and words:
         return OutOfRange(key, "???", words)
-    if isinstance(error, ValidationError) and words:
-        return OutOfRange(key, given if error.value is None else error.value, words)
+    if isinstance(error, ValidationError | ConfigTypeError) and words:
+        value = getattr(error, "value", None)
+        return OutOfRange(key, given if value is None else value, words)
     return ConfigError(f"{key}: {str(error).splitlines()[0]}")
 
 

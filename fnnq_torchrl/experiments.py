@@ -8,7 +8,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from fnnq_torchrl.config import ConfigError, to_config
+from fnnq_torchrl.config import Config, ConfigError, to_config
 from fnnq_torchrl.results import Evaluations, read_evaluations
 
 HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s", "checkpoint.snapshots")
@@ -21,10 +21,18 @@ class NoResults(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A job's configuration, by its keys with their groups, its evaluations, and where it is."""
+    """A job: its configuration by its keys with their groups, and what it has left.
+
+    Attributes:
+        settings: what has a say in the results, by keys such as ``env.speed_mps``.
+        evaluations: all of them.
+        config: the whole configuration.
+        directory: where the job's files are.
+    """
 
     settings: dict[str, Any]
     evaluations: Evaluations
+    config: Config
     directory: Path
 
     @property
@@ -81,6 +89,17 @@ class Experiment:
             raise NoResults(f"{self.name} has {len(found)} jobs with {words}, not one")
         return found[0]
 
+    def where(self, key: str, value: Any) -> "Experiment":
+        """The same with only the jobs that have this value.
+
+        Raises:
+            NoResults: there is none.
+        """
+        jobs = [job for job in self.jobs if job.settings.get(key) == value]
+        if not jobs:
+            raise NoResults(f"{self.name} has no jobs with {key}={value}")
+        return Experiment(self.name, jobs)
+
     def values(self, key: str) -> list[Any]:
         """The different values of a key, in the order of the jobs."""
         return list(dict.fromkeys(job.settings[key] for job in self.jobs))
@@ -132,9 +151,9 @@ def _finished(job: Path) -> bool:
 
 def _read_job(directory: Path) -> Job:
     path = directory / ".hydra" / "config.yaml"
-    text = path.read_text(encoding="utf-8")
+    data = path.read_bytes()
     try:
-        node = OmegaConf.create(text)
+        node = OmegaConf.create(data.decode())
     except Exception as error:  # nearly any, of what isn't YAML
         raise ValueError(f"{path} is not a configuration") from error
     if not isinstance(node, DictConfig):
@@ -143,8 +162,10 @@ def _read_job(directory: Path) -> Job:
         config = to_config(node)
     except ConfigError as error:
         raise ValueError(f"{path}: {error}") from error
+    settings = asdict(config)
+    del settings["logger"]  # which has other keys for each choice, and no say in the results
     evaluations = read_evaluations(directory / "evaluations.csv")
-    return Job(dict(_flat(asdict(config))), evaluations, directory)
+    return Job(dict(_flat(settings)), evaluations, config, directory)
 
 
 def _flat(settings: Mapping[Any, Any], group: str = "") -> list[tuple[str, Any]]:

@@ -28,6 +28,24 @@ class Interrupted(Exception):
         return f"{name}: what is done so far is saved; in the same directory, it goes on from there"
 
 
+class Lost(Interrupted):
+    """A signal has ended the work, and it couldn't be saved.
+
+    Args:
+        number: the signal's.
+        error: why not.
+    """
+
+    def __init__(self, number: int, error: OSError) -> None:
+        super().__init__(number)
+        self.args = (number, error)
+        self.status = 1
+
+    def __str__(self) -> str:
+        name = signal.Signals(self.args[0]).name
+        return f"{name}: what was done since the last save is lost: {self.args[1]}"
+
+
 class Interruptions:
     """Says when to save, within a ``with`` block.
 
@@ -47,7 +65,7 @@ class Interruptions:
         self._every_s, self._clock = every_s, clock
         self._last_s = clock()
         self._asked, self._ends_by = False, 0
-        self._saved = threading.Event()
+        self._answered, self._well = threading.Event(), False
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
@@ -71,7 +89,7 @@ class Interruptions:
 
     def due(self) -> bool:
         """Whether it is time to save."""
-        return self._asked or self._clock() - self._last_s >= self._every_s
+        return self._asked or self.ending or self._clock() - self._last_s >= self._every_s
 
     def saved(self) -> None:
         """Everything is saved.
@@ -79,16 +97,29 @@ class Interruptions:
         Raises:
             Interrupted: it was to be saved because the work is to end.
         """
-        self._last_s, self._asked = self._clock(), False
-        self._saved.set()
+        self._end_save(well=True)
         if self._ends_by:
             raise Interrupted(self._ends_by)
 
+    def failed(self, error: OSError) -> None:
+        """It couldn't be saved. It is due again after an interval, or when a signal asks.
+
+        Raises:
+            Lost: it was to be saved because the work is to end.
+        """
+        self._end_save(well=False)
+        if self._ends_by:
+            raise Lost(self._ends_by, error) from error
+
     def save_now(self, timeout_s: float) -> bool:
-        """Ask for a save, from the main thread, and wait for it; false if it takes too long."""
-        self._saved.clear()
+        """Ask for a save, from the main thread, and wait; false if it fails or takes too long."""
+        self._answered.clear()
         self._asked = True
-        return self._saved.wait(timeout_s)
+        return self._answered.wait(timeout_s) and self._well
+
+    def _end_save(self, *, well: bool) -> None:
+        self._last_s, self._asked, self._well = self._clock(), False, well
+        self._answered.set()
 
     def _answer(self, number: int, frame: FrameType | None) -> None:
         self._asked = True

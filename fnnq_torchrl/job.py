@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import asdict
 from itertools import accumulate, pairwise
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import torch
 from tensordict import TensorDictBase
 
+from fnnq_torchrl.atomic import clear_leftovers
 from fnnq_torchrl.batches import SNAPSHOTS, Job, as_one
 from fnnq_torchrl.checkpoint import save_checkpoint
 from fnnq_torchrl.config import Config, ConfigError, OutOfRange
@@ -16,9 +18,11 @@ from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.figures import learning_curve
 from fnnq_torchrl.interruptions import Interrupted, Interruptions
 from fnnq_torchrl.keeper import Hand, HandsKeeper
+from fnnq_torchrl.loggers import Loggers
+from fnnq_torchrl.memory import check_memory
 from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
-from fnnq_torchrl.saved import SavedTraining
+from fnnq_torchrl.saved import NAME, SavedTraining
 from fnnq_torchrl.snapshot_file import save_snapshots
 from fnnq_torchrl.trainer import Trainer
 
@@ -42,7 +46,9 @@ def run_job(config: Config, directory: Path) -> float:
     Raises:
         OutOfRange: the device isn't there.
         Interrupted: a signal has ended the work, which is saved.
-        ConfigError: the engine is to compile, and the compiler isn't there or fails.
+        Lost: a signal has ended the work, which couldn't be saved.
+        ConfigError: the job needs more memory than there is; a saved training isn't this one's, or
+            is damaged; or the engine is to compile, and the compiler isn't there or fails.
         OSError: a file can't be written.
     """
     [[result]] = run_batches([[Job(config, directory)]], pictures=True)
@@ -70,18 +76,45 @@ def run_batches(
 
     Raises:
         OutOfRange: a device isn't there; before any batch begins.
+        ConfigError: a batch needs more memory than there is, or a saved training isn't this one's,
+            or is damaged; before any batch begins. Or an engine is to compile, and the compiler
+            isn't there, or fails; or a logger's library isn't there, or a login that it's to use.
         Interrupted: a signal has ended the work, which is saved.
-        ConfigError: an engine is to compile, and the compiler isn't there, or fails.
+        Lost: a signal has ended the work, which couldn't be saved.
     """
     for batch in batches:
         _check_machine(batch[0].config)
+        large = check_memory(batch[0].config, sum(job.config.num_seeds for job in batch))
+        if large:
+            announce(large)
+        for job in batch:
+            clear_leftovers(job.directory)
     for batch in batches:
+        _check_saved(batch)
+    for batch, loggers in [*zip(batches, _loggers(batches), strict=True)]:
+        results: list[float | Exception]
         try:
-            yield _run_batch(batch, pictures)
+            results = _run_batch(batch, pictures)
         except (ConfigError, Interrupted):
             raise
         except Exception as error:  # a bug, or too little memory: the other batches may do
-            yield [error] * len(batch)
+            results = [error] * len(batch)
+        # Of jobs whose files are there, and in this thread: not all loggers know of others.
+        logged = zip(batch, results, strict=True)
+        loggers.log_jobs(job for job, result in logged if isinstance(result, float))
+        yield results
+
+
+def _loggers(batches: Sequence[Sequence[Job]]) -> list[Loggers]:
+    """Of each batch; batches with the same configuration of it share theirs."""
+    of_each = [repr(batch[0].config.logger) for batch in batches]
+    jobs: dict[str, list[Job]] = {key: [] for key in of_each}
+    for key, batch in zip(of_each, batches, strict=True):
+        jobs[key] += batch
+    made = {key: Loggers(of[0].config.logger) for key, of in jobs.items()}
+    for key, loggers in made.items():
+        loggers.foresee(jobs[key])
+    return [made[key] for key in of_each]
 
 
 def _check_machine(config: Config) -> None:
@@ -94,12 +127,24 @@ def _check_machine(config: Config) -> None:
     make_engine(engine, torch.device(device))
 
 
+def _check_saved(jobs: Sequence[Job]) -> None:
+    """Refuse, before anything is computed, a saved training that can't be gone on from."""
+    if jobs[0].config.resume == "auto" and (jobs[-1].directory / NAME).exists():
+        trainer = Trainer(*as_one([job.config for job in jobs]))
+        _saved(jobs, trainer).load(trainer.ledger)
+
+
+def _saved(jobs: Sequence[Job], trainer: Trainer) -> SavedTraining:
+    return SavedTraining(jobs[-1].directory, trainer.config, trainer.engine.name)
+
+
 def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
     trainer = Trainer(*as_one([job.config for job in jobs]))
     announce(trainer.engine_chosen)
-    saved = SavedTraining(jobs[-1].directory, trainer.config, trainer.engine.name)
+    saved = _saved(jobs, trainer)
     outcome = _train(trainer, saved)
     _announce_diverged(outcome)
+    _announce_denormal(outcome)
     bounds = accumulate((job.config.num_seeds for job in jobs), initial=0)
     *others, last = zip(jobs, pairwise(bounds), strict=True)
 
@@ -118,7 +163,10 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
     # computes again what is missing goes on from there.
     unwritten = next((result for result in results if isinstance(result, OSError)), None)
     results.append(unwritten or write(last))
-    if not isinstance(results[-1], OSError):
+    if isinstance(results[-1], OSError):
+        with suppress(OSError):  # mostly for the same reason; an earlier one stays
+            saved.save(trainer.ledger, [])
+    else:
         saved.discard()
     return results
 
@@ -127,15 +175,17 @@ def _train(trainer: Trainer, saved: SavedTraining) -> Outcome:
     """All of it, or what was left of it; saved from time to time, and when a signal ends it."""
     if trainer.config.resume == "auto" and saved.load(trainer.ledger):
         announce(f"going on from {saved.path}")
+    told = set()
     with Interruptions(trainer.config.checkpoint.every_s) as interruptions:
 
         def save(hands: Sequence[Hand]) -> None:
             try:
                 saved.save(trainer.ledger, hands)
             except OSError as error:
-                if interruptions.ending:
-                    raise
-                announce(f"going on, but this training can't be saved: {error}")
+                if not (interruptions.ending or str(error) in told):
+                    told.add(str(error))
+                    announce(f"going on, but this training can't be saved, for now: {error}")
+                raise
 
         keeper = HandsKeeper(interruptions, save)
         with Progress(trainer.situations_to_learn, "learning") as progress:
@@ -151,7 +201,9 @@ def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) ->
     evaluations = directory / "evaluations.csv"
     for name in ("summary.json", SNAPSHOTS):  # an earlier one isn't of these files
         (directory / name).unlink(missing_ok=True)
-    weights, runs = pages["weights"], (outcome.seed, outcome.lam, asdict(config))
+    settings = asdict(config)
+    del settings["logger"]  # which has no say in the weights, and may not be there where they go
+    weights, runs = pages["weights"], (outcome.seed, outcome.lam, settings)
     save_checkpoint(directory / "checkpoint.pt", weights[-1], *runs)
     if config.checkpoint.snapshots:
         save_snapshots(directory / SNAPSHOTS, weights, outcome.situations, *runs)
@@ -169,8 +221,22 @@ def _announce_diverged(outcome: Outcome) -> None:
     if not outcome.diverged_runs:
         return
     seeds = outcome.seed[outcome.diverged[:, -1]].tolist()
-    named = ", ".join(map(str, seeds[:_NAMED])) + ", …" * (len(seeds) > _NAMED)
     announce(
-        f"diverged: {len(seeds):,} of {outcome.runs:,} runs (seed {named}); they stopped, and "
-        "count as catching nothing from then on. A smaller alpha may help"
+        f"diverged: {len(seeds):,} of {outcome.runs:,} runs (seed {_some(seeds)}); they stopped, "
+        "and count as catching nothing from then on. A smaller alpha may help"
     )
+
+
+def _announce_denormal(outcome: Outcome) -> None:
+    """One line, if runs have learned subnormal weights."""
+    if not outcome.denormal.any():
+        return
+    seeds = outcome.seed[outcome.denormal].tolist()
+    announce(
+        f"denormal: {len(seeds):,} of {outcome.runs:,} runs (seed {_some(seeds)}) have weights too "
+        "small for full precision. machine.dtype=float64 has smaller numbers"
+    )
+
+
+def _some(seeds: list[int]) -> str:
+    return ", ".join(map(str, seeds[:_NAMED])) + ", …" * (len(seeds) > _NAMED)

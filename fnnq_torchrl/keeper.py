@@ -20,7 +20,8 @@ class HandsKeeper:
 
     Args:
         interruptions: say when.
-        save: takes the hands of all workers that have any.
+        save: takes the hands of all workers that have any. Where it raises an `OSError`, the work
+            goes on, unless it is to end, and the next save is due an interval later.
     """
 
     def __init__(
@@ -44,15 +45,22 @@ class HandsKeeper:
             self._hands[worker] = jobs[busy], state[busy.to(state.device)].clone()
         if self._busy <= self._hands.keys():
             hands, self._hands = [*self._hands.values()], None
-            self._save(hands)
-            self._interruptions.saved()
+            self._save_all(hands)
 
     def finish(self) -> None:
         """Nobody has anything in hand any more.
 
         Raises:
             Interrupted: the work is to end, and is saved.
+            Lost: it is to end, and can't be saved.
         """
         if self._interruptions.ending:
-            self._save([])
+            self._save_all([])
+
+    def _save_all(self, hands: Sequence[Hand]) -> None:
+        try:
+            self._save(hands)
+        except OSError as error:
+            self._interruptions.failed(error)
+        else:
             self._interruptions.saved()

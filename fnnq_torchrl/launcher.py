@@ -84,6 +84,8 @@ class Multirun:
         self._log()
         self._jobs += jobs
         self._write_whole()
+        if missing:
+            self._log_whole()
         return returns
 
     def _run(self, jobs: Sequence[SweptJob], pictures: bool) -> dict[Path, Result]:
@@ -140,18 +142,32 @@ class Multirun:
         """The sweep's own files, over all of its jobs so far."""
         from fnnq_torchrl.sweep import SweptResult, write_sweep
 
-        write_sweep(
-            Path(self._config.hydra.sweep.dir),
-            [
-                SweptResult(
-                    job.number,
-                    {key_of(line): line.partition("=")[2] for line in job.overrides},
-                    job.directory,
-                    best=len(job.config.evaluation.situations),
-                )
-                for job in self._jobs
-            ],
-        )
+        results = [
+            SweptResult(
+                job.number,
+                {key_of(line): line.partition("=")[2] for line in job.overrides},
+                job.directory,
+                best=len(job.config.evaluation.situations),
+            )
+            for job in self._jobs
+        ]
+        try:
+            write_sweep(Path(self._config.hydra.sweep.dir), results)
+        except ValueError as error:
+            raise _damaged(error) from error
+
+
+def _damaged(error: ValueError) -> JobFailed:
+    """Of a result file that a finished job left."""
+    return JobFailed(f"{error}; without its summary.json, the job is computed again")
+
+    def _log_whole(self) -> None:
+        """What the loggers of its jobs have on the sweep as a whole."""
+        from fnnq_torchrl.loggers import Loggers, SweepResults
+
+        directory = Path(self._config.hydra.sweep.dir).absolute()
+        for config in {repr(job.config.logger): job.config.logger for job in self._jobs}.values():
+            Loggers(config).log_sweep(SweepResults(directory, len(self._jobs)))
 
 
 def _check_directories(jobs: Sequence[SweptJob]) -> None:
@@ -171,7 +187,10 @@ def _result(job: SweptJob, results: Mapping[Path, Result]) -> Result:
         return results[job.directory]
     from fnnq_torchrl.results import read_summary  # not before the checks: scipy takes a second
 
-    return read_summary(job.directory / "summary.json")["mean_score"]
+    try:
+        return read_summary(job.directory / "summary.json")["mean_score"]
+    except ValueError as error:
+        raise _damaged(error) from error
 
 
 def _told(job: SweptJob, result: Result) -> Result:

@@ -9,6 +9,9 @@ from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.loops import Loop
 from fnnq_torchrl.program import Program
 
+_MOST_STEPS = 1_000
+"""Between two visits of the keeper: some seconds if steps are eager, much less in a native loop."""
+
 
 class Learning:
     """The :class:`fnnq_torchrl.work.Task` of all runs of a job: each has its situations to learn.
@@ -31,8 +34,9 @@ class Learning:
     ) -> None:
         self.run = run
         self.loop = loop
-        # In so few steps no run can come to a second snapshot.
-        self.steps = program.env.fewest_steps * program.evaluate_every
+        # In so few steps no run can come to a second snapshot. Nor may they take long, since a
+        # training is saved between them.
+        self.steps = min(program.env.fewest_steps * program.evaluate_every, _MOST_STEPS)
         self._program, self._ledger, self._on_progress = program, ledger, on_progress
         self._situations = run["situations"].squeeze(-1).cpu()
 

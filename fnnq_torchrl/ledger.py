@@ -126,17 +126,22 @@ class Ledger:
 
         Returns:
             Whether all the runs are there; if not, nothing has changed.
+
+        Raises:
+            AttributeError, LookupError, RuntimeError, TypeError, ValueError: it is nothing that
+                :meth:`state_dict` gave.
         """
         if (rows := _find(self._runs(), saved["runs"])) is None:
             return False
         pages = self.book.pages
-        pages["weights"].update_(TensorDict(saved["weights"], saved["steps"].shape)[:, rows])
-        pages["steps"].copy_(saved["steps"][:, rows])
-        self.book.collected.copy_(saved["collected"][rows])
-        self.learned.copy_(saved["learned"][rows])
-        self.diverged.copy_(saved["diverged"][:, rows])
-        self.played.copy_(saved["played"][:, rows])
-        self.catches.copy_(saved["catches"][:, rows])
+        for name, weight in pages["weights"].items():
+            _copy(weight, saved["weights"][name][:, rows])
+        _copy(pages["steps"], saved["steps"][:, rows])
+        _copy(self.book.collected, saved["collected"][rows])
+        _copy(self.learned, saved["learned"][rows])
+        _copy(self.diverged, saved["diverged"][:, rows])
+        _copy(self.played, saved["played"][:, rows])
+        _copy(self.catches, saved["catches"][:, rows])
         place = torch.full((len(saved["runs"]),), -1).index_copy(0, rows, torch.arange(len(rows)))
         self.hands = [
             (place[jobs][here], TensorDict(state, jobs.shape)[here].to(pages.device))
@@ -154,6 +159,13 @@ class Ledger:
             if key != "seed"
         ]
         return torch.stack([torch.tensor(self._columns["seed"]), *columns], -1)
+
+
+def _copy(into: Tensor, saved: Tensor) -> None:
+    """Copy what is of the same kind; nothing is repeated or converted to fit."""
+    if saved.shape != into.shape or saved.dtype != into.dtype:
+        raise ValueError(f"{saved.dtype} {saved.shape} is not {into.dtype} {into.shape}")
+    into.copy_(saved)
 
 
 def _find(runs: Tensor, among: Tensor) -> Tensor | None:

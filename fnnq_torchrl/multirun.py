@@ -17,8 +17,9 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
-from fnnq_torchrl.batches import BATCHABLE, SAVING, SNAPSHOTS, Job
-from fnnq_torchrl.compose import explain, key_of
+from fnnq_torchrl.atomic import atomic_write
+from fnnq_torchrl.batches import ASIDE, BATCHABLE, SNAPSHOTS, Job
+from fnnq_torchrl.compose import explain, is_of_hydra, key_of
 from fnnq_torchrl.config import ConfigError, to_config
 
 _WHOLE, _DECIMAL = r"0|[1-9]\d*", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -63,7 +64,7 @@ class SweptJob:
     @property
     def job(self) -> Job:
         """Without Hydra, to be trained."""
-        return Job(self.config, self.directory)
+        return Job(self.config, self.directory, Path(self._template.sweep_directory).absolute())
 
     def node(self) -> DictConfig:
         """As Hydra composes it, with the ``hydra`` node. Takes its time."""
@@ -117,7 +118,8 @@ class SweptJob:
             "hydra.yaml": self._template.hydra_yaml(of_each),
             "overrides.yaml": _yaml(self.task_overrides),
         }.items():
-            (folder / name).write_text(text, encoding="utf-8")
+            with atomic_write(folder / name, durable=False) as file:
+                file.write(text.encode())
 
     def _configuration_directory(self) -> Path | None:
         name = self._template.hydra["output_subdir"]
@@ -133,16 +135,16 @@ class SweptJob:
         if folder is None:  # nothing tells whose result it is
             return False
         try:
-            saved = (folder / "config.yaml").read_text(encoding="utf-8")
+            saved = (folder / "config.yaml").read_bytes()
         except FileNotFoundError:
             return False
-        if saved != self.configuration() and not self._is_same(saved):
+        if saved != self.configuration().encode() and not self._is_same(saved):
             return False
         if self.config.checkpoint.snapshots and not (self.directory / SNAPSHOTS).exists():
             return False
         return (self.directory / "summary.json").exists()  # the last file that a job writes
 
-    def _is_same(self, saved: str) -> bool:
+    def _is_same(self, saved: bytes) -> bool:
         """Whether the text, though not the same, says the same; false if it says nothing.
 
         Raises:
@@ -150,13 +152,13 @@ class SweptJob:
         """
         try:
             plain = yaml.safe_load(saved)
-        except yaml.YAMLError:
+        except Exception:  # nearly any, of what isn't YAML
             plain = None
         if not isinstance(plain, dict):  # a crash has left it, empty or broken
             return False
         ours, theirs = _flat(yaml.safe_load(self.configuration())), _flat(plain)
         for key in ours | theirs:
-            if key.partition(".")[0] not in SAVING and ours.get(key) != theirs.get(key):
+            if key.partition(".")[0] not in ASIDE and ours.get(key) != theirs.get(key):
                 raise ConfigError(
                     f"{self}: {self.directory} holds a job with {key}={theirs.get(key)}, not "
                     f"{key}={ours.get(key)}; name another directory in hydra.sweep.dir"
@@ -223,7 +225,9 @@ def compose_jobs(
     for number, overrides in enumerate(job_overrides, start=first):
         try:
             jobs.append(_compose(loader, master, number, overrides, templates))
-        except (ConfigError, HydraException, OmegaConfBaseException) as error:
+        except (AssertionError, ConfigError, HydraException, OmegaConfBaseException) as error:
+            if isinstance(error, AssertionError) and not is_of_hydra(error):
+                raise
             told = error if isinstance(error, ConfigError) else explain(error, overrides)
             alone = len(job_overrides) == 1
             line = str(told) if alone else f"{_name(number, overrides)}: {told}"

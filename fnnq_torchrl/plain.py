@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import torch
 from tensordict import TensorDictBase
@@ -45,6 +46,9 @@ def read_plain(path: Path, form: int, what: str) -> dict[str, Any]:
     """
     data = path.read_bytes()
     try:
+        # Torch's reader passes over the checksums that torch's writer gives every entry.
+        if damaged := ZipFile(io.BytesIO(data)).testzip():
+            raise ValueError(f"{damaged} is damaged")
         content = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
     # Bytes from anywhere make torch's reader raise nearly anything: EOFError, KeyError, ...
     except Exception as error:

@@ -14,6 +14,7 @@ from fnnq_torchrl.layout import per_run, runs_first, runs_last
 from fnnq_torchrl.loss import PengQLambdaLoss, credit_weights, greedy_steps, no_trace
 from fnnq_torchrl.policy import ExploringPolicy, make_policy
 from fnnq_torchrl.qlambda import Rule
+from fnnq_torchrl.step_size import StepSize, alpha_bound, decayed, obgd
 from fnnq_torchrl.values import ValueNetwork
 
 
@@ -23,12 +24,12 @@ class Program:
     Everything that differs from run to run comes in TensorDicts of batch size ``[runs]``, and
     nothing is averaged over runs, so each run is a learner of its own:
 
-    * ``run``, which stays: ``seed``, ``lam``, ``alpha``, ``alpha_decay``, ``gamma``, the amount of
-      exploration by its name, as ``epsilon``, and ``situations``, how many it is to learn from;
-      each ``[runs, 1]``;
+    * ``run``, which stays: ``seed``, ``lam``, ``alpha``, ``alpha_decay``, ``kappa`` where the step
+      size has one, ``gamma``, the amount of exploration by its name, as ``epsilon``, and
+      ``situations``, how many it is to learn from; each ``[runs, 1]``;
     * ``state``, which every step replaces: ``world``, what the environment needs to go on;
       ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the step size
-      so far decayed; ``situations`` and ``steps``, counts of what was learned from; ``diverged``,
+      as it has become; ``situations`` and ``steps``, counts of what was learned from; ``diverged``,
       whether |Q| has gone beyond all bounds, which ends the counts; ``over``, whether that is all;
       ``snapshot``, weights and counts as they were when an evaluation was last due.
 
@@ -36,6 +37,7 @@ class Program:
         env: the world, with the runs as its batch.
         value_network: Q(s, a).
         rule: which Q(λ) it is.
+        step_size: which step size it has.
         exploration: which policy it learns by (:func:`fnnq_torchrl.policy.make_policy`).
         evaluate_every: situations from one evaluation to the next.
         largest_value: a run with a larger |Q| than this has diverged.
@@ -50,6 +52,7 @@ class Program:
         value_network: ValueNetwork,
         *,
         rule: Rule,
+        step_size: StepSize,
         exploration: str,
         evaluate_every: int,
         largest_value: float,
@@ -58,6 +61,7 @@ class Program:
         self.policy = make_policy(exploration, value_network, 0.0)  # every step sets the amount
         self.loss = PengQLambdaLoss(value_network, gamma=1.0)
         self.rule = rule
+        self.step_size = step_size
         self.evaluate_every = evaluate_every
         self.largest_value = largest_value
 
@@ -102,6 +106,12 @@ class Program:
         transition = self.env.step(world)
         after = transition["next"]
         slope, td_error, chosen_td_error = self._slope(state["weights"], run["gamma"], transition)
+        greedy = greedy_steps(
+            self.rule,
+            world["action_value"],
+            self.policy.value_network.candidates,
+            world["action"],
+        )
         directions, trace = credit_weights(
             self.rule,
             state["trace"],
@@ -109,22 +119,16 @@ class Program:
             td_error,
             chosen_td_error,
             run["gamma"] * run["lam"],
-            greedy_steps(
-                self.rule,
-                world["action_value"],
-                self.policy.value_network.candidates,
-                world["action"],
-            ),
+            greedy,
             after["done"],
         )
-        alpha = per_run(state["alpha"])
+        errors = td_error, chosen_td_error
+        step, alpha = self._step_sizes(run, state, after, slope, errors, greedy)
         weights = {
-            name: runs_first(runs_last(weight) + alpha * runs_last(directions[name]))
+            name: runs_first(runs_last(weight) + step * runs_last(directions[name]))
             for name, weight in state["weights"].items()
         }
-        alpha = qlambda.decayed_step_size(
-            alpha, per_run(run["alpha_decay"]), per_run(after["reward"])
-        )
+        alpha = decayed(alpha, per_run(run["alpha_decay"]), per_run(after["reward"]))
         diverged = state["diverged"] | (self._beyond(world["action_value"]) & ~state["over"])
         situations = state["situations"] + (after["done"] & ~diverged)
         steps = state["steps"] + ~diverged
@@ -172,6 +176,48 @@ class Program:
 
         slope, errors = gradient(chosen_value, dict(weights.items()))
         return slope, *errors
+
+    def _step_sizes(
+        self,
+        run: TensorDictBase,
+        state: TensorDictBase,
+        after: TensorDictBase,
+        slope: Mapping[str, Tensor],
+        errors: tuple[Tensor, Tensor],
+        greedy: Tensor | None,
+    ) -> tuple[Tensor, Tensor]:
+        """α of this step, and α from which later ones go on, each ``[runs]``."""
+        alpha, kind = per_run(state["alpha"]), self.step_size.kind
+        if kind not in ("obgd", "alpha_bound"):
+            return alpha, alpha
+        present_trace = qlambda.present_trace(
+            self.rule,
+            [runs_last(state["trace"][name]) for name in slope],
+            [runs_last(gradient) for gradient in slope.values()],
+            per_run(run["gamma"] * run["lam"]),
+            greedy,
+        )
+        if kind == "obgd":
+            error = qlambda.largest_error(self.rule, *map(per_run, errors))
+            return obgd(alpha, per_run(run["kappa"]), error, present_trace), alpha
+        ahead, gamma = self._slope_ahead(state["weights"], after), per_run(run["gamma"])
+        error_slope = [gamma * runs_last(ahead[name]) - runs_last(slope[name]) for name in slope]
+        bounded = alpha_bound(alpha, present_trace, error_slope)
+        return bounded, bounded
+
+    def _slope_ahead(
+        self, weights: Mapping[str, Tensor], after: TensorDictBase
+    ) -> dict[str, Tensor]:
+        """∇V(s′) of every run, 0 at an end; between equally good actions, the mean of theirs."""
+        network = self.policy.value_network
+
+        def value(weights: dict[str, Tensor]) -> tuple[Tensor, None]:
+            observations = tuple(after[key] for key in network.in_keys)
+            best = functional_call(network, weights, observations).amax(-1, keepdim=True)
+            return best.masked_fill(after["terminated"], 0).sum(), None
+
+        slope, _ = gradient(value, dict(weights.items()))
+        return slope
 
 
 def act(

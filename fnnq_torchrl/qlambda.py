@@ -215,6 +215,11 @@ def credit_window(
     return direction, torch.cat([(goes_on * gradient).unsqueeze(0), kept])
 
 
+def _errors(rule: Rule, td_error: Tensor, chosen_td_error: Tensor) -> tuple[Tensor, Tensor]:
+    """What the earlier pairs and the present one get."""
+    return td_error if rule.variant == "peng" else chosen_td_error, chosen_td_error
+
+
 def credit_all(
     rule: Rule,
     traces: Sequence[Tensor],
@@ -237,7 +242,7 @@ def credit_all(
         greedy: 1 where the action was greedy, else 0, ``[runs]``; for ``watkins`` only.
         goes_on: 1, or 0 where the episode has ended, also by truncation, ``[runs]``.
     """
-    errors = td_error if rule.variant == "peng" else chosen_td_error, chosen_td_error
+    errors = _errors(rule, td_error, chosen_td_error)
     pairs = zip(traces, gradients, strict=True)
     if rule.trace == "window":
         keeps = 1.0 if greedy is None else greedy
@@ -251,9 +256,33 @@ def credit_all(
     return [credit(e, f, *errors, decay, scale, goes_on) for e, f in pairs]
 
 
-def decayed_step_size(alpha: Tensor, decay: Tensor, reward: Tensor) -> Tensor:
-    """α ← decay·α where the reward was positive; all ``[runs]``.
+def present_trace(
+    rule: Rule,
+    traces: Sequence[Tensor],
+    gradients: Sequence[Tensor],
+    decay: Tensor,
+    greedy: Tensor | None,
+) -> list[Tensor]:
+    """z, the trace with the present pair in it: Δw of a step whose two errors are both 1.
 
-    The paper: «we decreased α whenever the agent got reward», without a figure.
+        z = γλe + ∇Q(s, a),  or what the rule makes of it
+
+    Args:
+        rule, traces, gradients, decay, greedy: as in :func:`credit_all`.
+
+    Returns:
+        z of each tensor of weights, ``[*weights, runs]``.
     """
-    return torch.where(reward > 0, decay * alpha, alpha)
+    one = torch.ones_like(decay)
+    return [z for z, _ in credit_all(rule, traces, gradients, one, one, decay, greedy, one)]
+
+
+def largest_error(rule: Rule, td_error: Tensor, chosen_td_error: Tensor) -> Tensor:
+    """The larger, by absolute value, of the errors that the rule goes by: max(|δ|, |δ′|) or |δ′|.
+
+    Args:
+        rule: which Q(λ) it is.
+        td_error, chosen_td_error: δ and δ′, any shape.
+    """
+    past_error, present_error = _errors(rule, td_error, chosen_td_error)
+    return torch.maximum(past_error.abs(), present_error.abs())

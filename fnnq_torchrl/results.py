@@ -5,7 +5,8 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self, TypedDict, cast
+from types import UnionType
+from typing import Any, Self, TypedDict, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +97,7 @@ class Outcome(Evaluations):
     train_seconds: float  # learning, without the two below
     compile_seconds: float
     evaluate_seconds: float
+    denormal: NDArray[np.bool_]  # [runs], whether some of the learned weights are subnormal numbers
 
     def of(self, runs: slice) -> Self:
         """What came of some of the runs; the batch stays the one they were in."""
@@ -106,6 +108,7 @@ class Outcome(Evaluations):
             steps=self.steps[runs],
             catches=self.catches[runs],
             diverged=self.diverged[runs],
+            denormal=self.denormal[runs],
         )
 
 
@@ -127,6 +130,7 @@ class Summary(TypedDict):
     final_score: float
     final_score_interval: list[float] | None
     confidence: float
+    denormal_runs: int  # with subnormal numbers among the learned weights
 
 
 def summarise(outcome: Outcome) -> Summary:
@@ -149,6 +153,7 @@ def summarise(outcome: Outcome) -> Summary:
         final_score=final_score,
         final_score_interval=final_score_interval,
         confidence=CONFIDENCE,
+        denormal_runs=int(outcome.denormal.sum()),
     )
 
 
@@ -176,13 +181,30 @@ def read_summary(path: Path) -> Summary:
         OSError: the file cannot be read.
         ValueError: it is not a summary.json; the message names the file.
     """
+    data = path.read_bytes()
     try:
-        summary = json.loads(path.read_bytes())
-    except ValueError as error:
+        summary = json.loads(data, parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not a summary: {error}") from error
-    if not isinstance(summary, dict) or not summary.keys() >= Summary.__annotations__.keys():
+    hints = get_type_hints(Summary)
+    if not isinstance(summary, dict) or not all(
+        key in summary and _is_of(summary[key], hint) for key, hint in hints.items()
+    ):
         raise ValueError(f"{path} is not a complete summary")
     return cast(Summary, summary)
+
+
+def _no_number(name: str) -> float:
+    raise ValueError(f"it holds {name}")
+
+
+def _is_of(value: object, hint: Any) -> bool:
+    """Whether a value read from JSON is of one of the types of a `Summary`."""
+    if isinstance(hint, UnionType):
+        return any(_is_of(value, each) for each in get_args(hint))
+    if get_origin(hint) is list:
+        return isinstance(value, list) and all(_is_of(each, float) for each in value)
+    return type(value) in {float: (int, float)}.get(hint, (hint,))
 
 
 def write_evaluations(path: Path, evaluations: Evaluations) -> None:
@@ -227,8 +249,10 @@ def _parse_evaluations(text: str) -> Evaluations:
     known = EVALUATION_COLUMNS if EVALUATION_COLUMNS[-1] in header else EVALUATION_COLUMNS[:-1]
     if tuple(header.split(",")[: len(known)]) != known:
         raise ValueError(f"its columns must begin {','.join(EVALUATION_COLUMNS)}")
+    if not body.strip():
+        raise ValueError("it has no rows")
     if not body.endswith("\n"):
-        raise ValueError("its last row is cut short" if body else "it has no rows")
+        raise ValueError("its last row is cut short")
     table = np.loadtxt(
         io.StringIO(body),
         dtype=[(name, _DTYPES[name]) for name in known],

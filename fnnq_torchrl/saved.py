@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from fnnq_torchrl.batches import BATCHABLE, SAVING
+from fnnq_torchrl.batches import ASIDE, BATCHABLE
 from fnnq_torchrl.config import Config, ConfigError
 from fnnq_torchrl.keeper import Hand
 from fnnq_torchrl.ledger import Ledger
@@ -17,7 +17,7 @@ FORMAT = 2
 NAME = "training.pt"
 
 # In what learning doesn't depend on; which engine it is tells the identity by itself.
-_NO_MATTER = (*SAVING, "engine", *BATCHABLE)
+_NO_MATTER = (*ASIDE, "engine", *BATCHABLE)
 
 
 class SavedTraining:
@@ -62,12 +62,15 @@ class SavedTraining:
             return False
         try:
             content = read_plain(self.path, FORMAT, "a saved training")
-            same = content["identity"] == self._identity
-            loaded = same and ledger.load_state_dict(content["ledger"])
-        except (AttributeError, IndexError, KeyError, RuntimeError, TypeError) as error:
-            raise ConfigError(f"{self.path} is not a complete saved training") from error
         except ValueError as error:
             raise ConfigError(f"{error}; resume=never begins anew") from error
+        try:
+            same = content["identity"] == self._identity
+            loaded = same and ledger.load_state_dict(content["ledger"])
+        except (AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
+            raise ConfigError(
+                f"{self.path} is not a complete saved training; resume=never begins anew"
+            ) from error
         if not loaded:
             raise ConfigError(
                 f"{self.path} is of another configuration or PyTorch; "

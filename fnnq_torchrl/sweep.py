@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fnnq_torchrl.atomic import atomic_write
+from fnnq_torchrl.atomic import atomic_write, clear_leftovers
 from fnnq_torchrl.figures import Curve, sweep_curves
 from fnnq_torchrl.report import print_sweep
 from fnnq_torchrl.results import (
@@ -26,6 +26,7 @@ _SYMBOLS = {
     "lam": "λ",
     "alpha": "α",
     "alpha_decay": "α decay",
+    "kappa": "κ",
     "gamma": "γ",
     "epsilon": "ε",
     "noise_std": "σ",
@@ -61,6 +62,7 @@ def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
         OSError: a file can't be read or written.
         ValueError: a result file is damaged; the message names it.
     """
+    clear_leftovers(directory)
     keys = swept_keys(jobs)
     finished = {
         job.number: read_summary(path)

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from envs.follow_ball import FollowBall
 from fnnq_torchrl.config import Config, run_columns
+from fnnq_torchrl.denormals import denormal_runs
 from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.evaluation import Playing
 from fnnq_torchrl.lanes import lanes_for, repeat_last
@@ -16,6 +17,7 @@ from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.program import Program
 from fnnq_torchrl.qlambda import Rule
 from fnnq_torchrl.results import Outcome
+from fnnq_torchrl.step_size import StepSize
 from fnnq_torchrl.values import ValueNetwork, make_value_network
 from fnnq_torchrl.work import Keeper, work_through
 
@@ -75,6 +77,7 @@ class Trainer:
             FollowBall(config.env, [lanes], dtype=self.dtype, device=self.device),
             self._value_network(lanes),
             rule=Rule(config.variant, config.trace, config.window),
+            step_size=StepSize(config.step_size),
             exploration=config.exploration,
             evaluate_every=config.evaluation.every,
             largest_value=config.diverged_beyond * config.env.largest_return,
@@ -142,6 +145,7 @@ class Trainer:
             train_seconds=ledger.seconds["train"],
             compile_seconds=ledger.seconds["compile"],
             evaluate_seconds=ledger.seconds["evaluate"],
+            denormal=denormal_runs(self.weights).numpy(),
         )
 
     @property

@@ -10,6 +10,7 @@ from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.core.utils import JobReturn
+from hydra.errors import HydraException
 from hydra.plugins.launcher import Launcher
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig
@@ -56,13 +57,29 @@ class BatchSweeper(BasicSweeper):
         params: Mapping[str, str] | None = None,
         max_batch_size: int | None = None,
     ) -> None:
-        super().__init__(max_batch_size, dict(params or {}))
+        super().__init__(max_batch_size, params or {})  # type: ignore[arg-type]  # see setup
         self._cases = cases
+
+    def setup(
+        self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig
+    ) -> None:
+        super().setup(hydra_context=hydra_context, task_function=task_function, config=config)
+        most = self.max_batch_size
+        for key, value, fine, words in (
+            ("cases", self._cases, _is_grids(self._cases), "a list of grids {key: values}"),
+            ("params", self.params, isinstance(self.params, Mapping), "a grid {key: values}"),
+            ("max_batch_size", most, _is_whole_or_null(most), "a whole number >= 1, or null"),
+        ):
+            if not fine:
+                raise HydraException(f"hydra.sweeper.{key}={value}: must be {words}")
 
     def split_arguments(  # type: ignore[override]  # the base has it static, and calls it on self
         self, overrides: list[Override], max_batch_size: int | None
     ) -> list[list[list[str]]]:
         """The batches of jobs, each a list of overrides; no job comes twice."""
+        for override in overrides:
+            if override.is_discrete_sweep() and not any(True for _ in override.sweep_iterator()):
+                raise HydraException(f"{override.input_line}: there is no value in it")
         parser = OverridesParser.create()
         jobs: dict[tuple[str, ...], None] = {}
         for case in self._cases:
@@ -75,3 +92,11 @@ class BatchSweeper(BasicSweeper):
     def validate_batch_is_legal(self, batch: Sequence[Sequence[str]]) -> None:
         if not isinstance(self.launcher, BatchLauncher):
             super().validate_batch_is_legal(batch)
+
+
+def _is_grids(cases: object) -> bool:
+    return isinstance(cases, Sequence) and all(isinstance(case, Mapping) for case in cases)
+
+
+def _is_whole_or_null(number: object) -> bool:
+    return number is None or (type(number) is int and number >= 1)

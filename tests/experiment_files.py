@@ -78,6 +78,10 @@ EXPERIMENTS = {
     "fig3": grid({"lam": "0,0.2"}),
     "traces": grid({"trace": "output,gradient", "lam": LAMS}),
     "decay": grid({"alpha": "0.1,0.4", "alpha_decay": "0.9,0.97,0.99,0.997,1"}),
+    "adaptive": [
+        *grid({"step_size": "decay,obgd,alpha_bound", "alpha": "0.1,0.4,0.8", "lam": "0.2,0.8"}),
+        *grid({"alpha": "0.1,0.4,0.8", "lam": "0.2,0.8"}, "step_size=constant", "alpha_decay=1"),
+    ],
     "exploration": [
         *grid({"epsilon": "0,0.1,0.3"}, "exploration=epsilon_greedy"),
         *grid({"temperature": "0.01,0.1"}, "exploration=boltzmann"),

@@ -12,6 +12,7 @@ from fnnq_torchrl.config import PER_RUN, Config
 from fnnq_torchrl.lanes import LANES, Values, repeat_last
 from fnnq_torchrl.program import Program
 from fnnq_torchrl.qlambda import Rule
+from fnnq_torchrl.step_size import StepSize
 from fnnq_torchrl.values import ValueNetwork, make_value_network
 
 SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
@@ -45,6 +46,7 @@ def make_program(
         FollowBall(config.env, [len(run)], dtype=dtype),
         network or make_value_network(config.value, candidates, len(run)),
         rule=Rule(config.variant, config.trace, config.window),
+        step_size=StepSize(config.step_size),
         exploration=config.exploration,
         evaluate_every=config.evaluation.every,
         largest_value=config.diverged_beyond * config.env.largest_return,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fnnq_torchrl.atomic import atomic_write
+from fnnq_torchrl.atomic import atomic_write, clear_leftovers
 
 
 def contents(directory: Path) -> dict[str, bytes]:
@@ -52,8 +52,9 @@ def test_a_full_disk_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyP
     path = tmp_path / "result"
     path.write_bytes(b"old")
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match="No space left"), atomic_write(path) as file:
+    with pytest.raises(OSError, match="No space left") as told, atomic_write(path) as file:
         file.write(b"new")
+    assert told.value.filename == str(path)
     assert contents(tmp_path) == {"result": b"old"}
 
 
@@ -87,7 +88,18 @@ def test_a_killed_process_leaves_the_old_file(tmp_path: Path) -> None:
     killed = subprocess.run([sys.executable, "-c", script, str(path)], check=False)
     assert killed.returncode == -signal.SIGKILL
     assert path.read_bytes() == b"old"
-    assert all(left.suffix == ".tmp" for left in tmp_path.iterdir() if left != path)
+    [leftover] = [left for left in tmp_path.iterdir() if left != path]
+    assert leftover.suffix == ".tmp"
+    clear_leftovers(tmp_path)
+    assert contents(tmp_path) == {"result": b"old"}
+
+
+def test_what_is_being_written_or_is_not_ours_is_no_leftover(tmp_path: Path) -> None:
+    (tmp_path / ".notes.tmp").write_bytes(b"mine")
+    with atomic_write(tmp_path / "result") as file:
+        file.write(b"new")
+        clear_leftovers(tmp_path)
+    assert contents(tmp_path) == {"result": b"new", ".notes.tmp": b"mine"}
 
 
 @pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o644), (0o027, 0o640), (0o077, 0o600)])

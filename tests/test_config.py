@@ -32,6 +32,10 @@ CHOICES = {
     for path in sorted(FILES - {Path("config.yaml")})
 }
 
+EVERY_LOGGER = "logger=[csv,wandb,tensorboard,mlflow]"
+NONSENSE = "non/sense " * 30
+"""Too long and too odd even for a name."""
+
 
 @pytest.fixture(scope="module")
 def default() -> Config:
@@ -45,6 +49,8 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "num_seeds": 1,
         "alpha": 0.4,
         "alpha_decay": 0.99,
+        "step_size": "decay",
+        "kappa": 2,
         "gamma": 0.95,
         "exploration": "epsilon_greedy",
         "epsilon": 0.1,
@@ -88,6 +94,7 @@ def test_the_defaults_are_the_papers_and_spec(default):
             "situations": [[0.8, 0.1], [-0.8, -0.1], [0.4, -0.15], [-0.4, 0.15], [0, 0.12]],
         },
         "machine": {"device": "cpu", "dtype": "float32"},
+        "logger": {"wandb": None, "tensorboard": None, "mlflow": None},
     }
 
 
@@ -114,11 +121,11 @@ def test_overrides_reach_their_keys():
     ],
 )
 def test_every_key_has_a_type_and_a_range(kind, key):
-    values = OmegaConf.create(asdict(load_config(f"value={kind}")))
-    OmegaConf.update(values, key, "nonsense")
+    values = OmegaConf.create(asdict(load_config(f"value={kind}", EVERY_LOGGER)))
+    OmegaConf.update(values, key, NONSENSE)
     with pytest.raises(ConfigError) as refused:
         to_config(values)
-    assert str(refused.value) == f"{key}=nonsense: must be {ranges_of(kind)[key]}"
+    assert str(refused.value) == f"{key}={NONSENSE}: must be {ranges_of(kind)[key]}"
 
 
 def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
@@ -155,12 +162,24 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1"),
         ("evaluation.every=3", "situations=200: must be a whole multiple of evaluation.every=3"),
         ("situations=0", "situations=0: must be a whole number >= 1"),
+        (
+            "step_size=foo",
+            "step_size=foo: must be alpha_bound or constant or decay or obgd",
+        ),
+        ("step_siz=obgd", "step_siz=obgd: there is no step_siz; did you mean step_size?"),
+        ("kappa=1", "kappa=1.0: must be a number in (1, inf)"),
         ("action.candidates=1", "action.candidates=1: must be a whole number >= 2"),
         ("machine.device=tpu", "machine.device=tpu: must be cpu, cuda or cuda:N"),
         ("~lam", "lam=???: must be a number in [0, 1]"),
         ("lam=${nowhere}", "lam: Interpolation key 'nowhere' not found"),
         ("lam=[", "lam=[: can't be read as key=value"),
         ("speed_mps=1", "speed_mps=1: there is no speed_mps; did you mean env.speed_mps?"),
+        ("logger=nope", "logger=nope: must be csv or mlflow or tensorboard or wandb"),
+        ("logger=[csv,nope]", "logger=nope: must be csv or mlflow or tensorboard or wandb"),
+        (
+            "logger.wandb.per=run",
+            "logger.wandb.per=run: wandb isn't chosen; 'logger=[csv,wandb]' does that",
+        ),
         ("envs=follow_ball", "envs=follow_ball: there is no envs; did you mean env?"),
         ("env={sped: 1}", "env.sped: there is no env.sped; did you mean env.speed_mps?"),
         (
@@ -179,6 +198,23 @@ def test_a_mistake_is_one_line(override, line):
     with pytest.raises(ConfigError) as refused:
         load_config(override)
     assert str(refused.value) == line
+
+
+@pytest.mark.parametrize(
+    "given", [("step_size=obgd", "alpha=0.1"), ("alpha=0.1", "step_size=obgd")]
+)
+def test_a_step_size_brings_its_values_and_yields_to_the_users(given):
+    config = load_config(*given)
+    assert (config.step_size, config.alpha, config.alpha_decay) == ("obgd", 0.1, 1)
+    assert load_config("step_size=obgd").alpha == 1
+
+
+def test_a_constant_does_not_decay():
+    assert load_config("step_size=constant", "alpha_decay=1").alpha_decay == 1
+    with pytest.raises(
+        ConfigError, match=r"^alpha_decay=0\.9: must be 1 where step_size=constant$"
+    ):
+        load_config("step_size=constant", "alpha_decay=0.9")
 
 
 def test_the_last_seed_fits_63_bits(default):

@@ -18,12 +18,15 @@ ROOT = Path(__file__).parents[1]
 FLOORS = {
     "envs": 0,
     "fnnq_torchrl": 0,
+    "fnnq_torchrl.arguments": 0,
     "fnnq_torchrl.atomic": 0,
     "fnnq_torchrl.batches": 1,
     "fnnq_torchrl.config": 0,
+    "fnnq_torchrl.denormals": 0,
     "fnnq_torchrl.interruptions": 0,
     "fnnq_torchrl.lanes": 0,
     "fnnq_torchrl.layout": 0,
+    "fnnq_torchrl.logger_config": 0,
     "fnnq_torchrl.loops": 0,
     "fnnq_torchrl.membership": 0,
     "fnnq_torchrl.plain": 1,
@@ -31,6 +34,7 @@ FLOORS = {
     "fnnq_torchrl.threads": 0,
     "fnnq_torchrl.value_config": 0,
     "fnnq_torchrl.autograd": 1,
+    "fnnq_torchrl.effective_step": 1,
     "fnnq_torchrl.step_size": 1,
     "fnnq_torchrl.exploration": 1,
     "fnnq_torchrl.graphs": 1,
@@ -39,6 +43,7 @@ FLOORS = {
     "fnnq_torchrl.loss": 2,
     "fnnq_torchrl.policy": 2,
     "fnnq_torchrl.results": 2,
+    "fnnq_torchrl.adaptive": 3,
     "fnnq_torchrl.checkpoint": 3,
     "fnnq_torchrl.cluster": 3,
     "fnnq_torchrl.engine": 3,
@@ -52,6 +57,8 @@ FLOORS = {
     "fnnq_torchrl.keeper": 3,
     "fnnq_torchrl.learning": 3,
     "fnnq_torchrl.ledger": 3,
+    "fnnq_torchrl.loggers": 3,
+    "fnnq_torchrl.memory": 3,
     "fnnq_torchrl.native": 3,
     "fnnq_torchrl.program": 3,
     "fnnq_torchrl.report": 3,
@@ -62,11 +69,13 @@ FLOORS = {
     "fnnq_torchrl.sweep": 3,
     "fnnq_torchrl.trainer": 3,
     "fnnq_torchrl.work": 3,
+    "fnnq_torchrl.adaptive.__main__": 4,
     "fnnq_torchrl.cli": 4,
     "fnnq_torchrl.compose": 4,
     "fnnq_torchrl.extrapolation.__main__": 4,
     "fnnq_torchrl.figures.__main__": 4,
     "fnnq_torchrl.reproduction.__main__": 4,
+    "fnnq_torchrl.flags": 4,
     "fnnq_torchrl.launcher": 4,
     "fnnq_torchrl.multirun": 4,
     "fnnq_torchrl.train": 4,
@@ -74,6 +83,7 @@ FLOORS = {
 }
 # Who may import what is slow to load, or belongs at the edge.
 ONLY_IN = {
+    "gymnasium": {"envs.gymnasium_face"},
     "hydra": {name for name, height in FLOORS.items() if height == 4},
     "matplotlib": {
         f"fnnq_torchrl.figures{module}"
@@ -81,12 +91,14 @@ ONLY_IN = {
     }
     | {"fnnq_torchrl.extrapolation.pictures"},
     "submitit": {"fnnq_torchrl.cluster"},
-    "wandb": set(),
+    "mlflow": {"fnnq_torchrl.loggers.mlflow"},
+    "PIL": {"fnnq_torchrl.loggers.tensorboard"},
+    "wandb": {"fnnq_torchrl.loggers.wandb"},
 }
 
 
 # Of an extra, and imported only where a user asks for it.
-OPTIONAL = {"submitit"}
+OPTIONAL = {"PIL", "gymnasium", "mlflow", "submitit", "wandb"}
 
 
 def module_name(path: Path) -> str:

@@ -1,12 +1,18 @@
 """When to save, and when to end."""
 
+import errno
 import os
 import signal
 import threading
 
 import pytest
+import torch
+from tensordict import TensorDict
 
-from fnnq_torchrl.interruptions import Interrupted, Interruptions
+from fnnq_torchrl.interruptions import Interrupted, Interruptions, Lost
+from fnnq_torchrl.keeper import HandsKeeper
+
+FULL = OSError(errno.ENOSPC, "No space left on device", "training.pt")
 
 
 class Clock:
@@ -50,6 +56,52 @@ def test_an_order_to_end_is_obeyed_when_all_is_saved(name: str, status: int) -> 
     assert ended.value.status == status
 
 
+def test_a_save_that_failed_is_due_again_after_the_interval() -> None:
+    clock = Clock()
+    with Interruptions(10, clock) as work:
+        clock.seconds = 10
+        work.failed(FULL)
+        for now, due in ((10, False), (19.9, False), (20, True)):
+            clock.seconds = now
+            assert work.due() == due
+
+
+@pytest.mark.parametrize("order", [False, True], ids=["", "SIGTERM"])
+def test_the_keeper_tries_again_after_a_save_that_failed(order: bool) -> None:
+    attempts = 0
+
+    def save(hands: object) -> None:
+        nonlocal attempts
+        attempts += 1
+        if attempts == 1:
+            raise FULL
+
+    clock = Clock()
+    with Interruptions(10, clock) as work:
+        keeper = HandsKeeper(work, save)
+        nobody = torch.tensor([-1]), TensorDict(batch_size=[1])
+        clock.seconds = 10
+        keeper.visit(0, *nobody)
+        keeper.visit(0, *nobody)
+        assert attempts == 1
+        if order:
+            os.kill(os.getpid(), signal.SIGTERM)
+            with pytest.raises(Interrupted, match="saved"):
+                keeper.visit(0, *nobody)
+        else:
+            clock.seconds = 20
+            keeper.visit(0, *nobody)
+    assert attempts == 2
+
+
+def test_an_order_to_end_is_obeyed_when_nothing_can_be_saved() -> None:
+    with Interruptions(1e9) as work:
+        os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(Lost, match=r"^SIGTERM: .*lost: .*No space") as ended:
+            work.failed(FULL)
+    assert ended.value.status == 1
+
+
 def test_the_second_order_is_obeyed_at_once() -> None:
     with Interruptions(1e9):
         os.kill(os.getpid(), signal.SIGINT)
@@ -78,16 +130,17 @@ def test_signals_that_somebody_answers_are_theirs() -> None:
     assert heard == [signal.SIGUSR2]
 
 
-def test_whoever_asks_waits_until_it_is_saved() -> None:
+@pytest.mark.parametrize("well", [True, False])
+def test_whoever_asks_is_told_whether_it_is_saved(well: bool) -> None:
     with Interruptions(1e9) as work:
 
         def save_when_due() -> None:
             while not work.due():
                 pass
-            work.saved()
+            work.saved() if well else work.failed(FULL)
 
         thread = threading.Thread(target=save_when_due)
         thread.start()
-        assert work.save_now(timeout_s=10)
+        assert work.save_now(timeout_s=10) == well
         thread.join()
         assert not work.save_now(timeout_s=0)

@@ -1,6 +1,9 @@
 """A whole job, from its configuration to its files."""
 
+import errno
 import json
+import os
+import signal
 from dataclasses import replace
 
 import pytest
@@ -8,7 +11,7 @@ import torch
 
 from envs.world import World
 from fnnq_torchrl import job as job_module
-from fnnq_torchrl.batches import Job, as_one
+from fnnq_torchrl.batches import ASIDE, Job, as_one
 from fnnq_torchrl.checkpoint import load_checkpoint
 from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import (
@@ -19,7 +22,7 @@ from fnnq_torchrl.config import (
     MachineConfig,
 )
 from fnnq_torchrl.engine import choose
-from fnnq_torchrl.interruptions import Interrupted, Interruptions
+from fnnq_torchrl.interruptions import Interrupted, Lost
 from fnnq_torchrl.job import run_batches, run_job
 from fnnq_torchrl.results import read_evaluations
 from fnnq_torchrl.saved import SavedTraining
@@ -114,7 +117,7 @@ def test_every_key_is_read_by_something(monkeypatch):
     trainer.learn()
     trainer.evaluate()
 
-    read |= {(Config, "resume"), (Config, "checkpoint")}  # by the job: see below
+    read |= {(Config, key) for key in ASIDE}  # by the job: see below, and by the loggers
     assert read == {(schema, name) for schema in SCHEMAS for name in schema.__dataclass_fields__}
 
 
@@ -198,21 +201,39 @@ def test_a_full_disk_leaves_the_training_to_go_on_from(tmp_path, capsys):
     assert not (jobs[-1].directory / "training.pt").exists()
 
 
-@pytest.mark.parametrize("ending", [False, True])
-def test_a_save_that_fails_ends_only_what_ends_anyway(tmp_path, monkeypatch, capsys, ending):
+@pytest.mark.parametrize("ordered", [False, True], ids=["", "SIGTERM"])
+def test_a_save_that_fails_ends_only_what_ends_anyway(tmp_path, monkeypatch, capsys, ordered):
+    attempts = []
+
     def full(self, ledger, hands):
-        raise OSError("no space")
+        attempts.append(hands)
+        if ordered:
+            os.kill(os.getpid(), signal.SIGTERM)
+        raise OSError(errno.ENOSPC, "No space left on device", str(self.path))
 
     monkeypatch.setattr(SavedTraining, "save", full)
-    monkeypatch.setattr(Interruptions, "ending", ending)
-    config = load_config("situations=5", "checkpoint.every_s=1e-9")
-    if ending:
-        with pytest.raises(OSError, match="no space"):
+    config = load_config("situations=5", "env.time_limit_steps=4", "checkpoint.every_s=1e-9")
+    if ordered:
+        with pytest.raises(Lost, match=r"^SIGTERM: .* lost: .*No space .*training\.pt") as ended:
             run_job(config, tmp_path)
+        assert ended.value.status == 1
     else:
         run_job(config, tmp_path)
-    assert ("can't be saved: no space" in capsys.readouterr().err) != ending
-    assert (tmp_path / "summary.json").exists() != ending
+        assert len(attempts) > 1
+        assert capsys.readouterr().err.count("can't be saved, for now: ") == 1
+    assert (tmp_path / "summary.json").exists() != ordered
+
+
+def test_a_damaged_training_is_told_before_any_batch_begins(tmp_path, monkeypatch):
+    begun = []
+    monkeypatch.setattr(job_module, "_run_batch", lambda batch, pictures: begun.append(batch))
+    (tmp_path / "second").mkdir()
+    (tmp_path / "second" / "training.pt").write_bytes(b"damage")
+    config = load_config("situations=5")
+    batches = [[Job(config, tmp_path / name)] for name in ("first", "second")]
+    with pytest.raises(ConfigError, match=r"second/training\.pt is not .* damaged"):
+        list(run_batches(batches, pictures=False))
+    assert begun == []
 
 
 def test_an_earlier_summary_does_not_stay_beside_new_files(tmp_path):

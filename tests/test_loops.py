@@ -368,6 +368,17 @@ def test_it_learns_on_one_side_what_the_eager_engine_learns() -> None:
     assert_learned_alike(compile_learning(settings, make_runs(settings, LANES)), 1e-4, 1e-5)
 
 
+@pytest.mark.parametrize("step_size", ["obgd", "alpha_bound"])
+def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: str) -> None:
+    settings = config(f"step_size={step_size}", "machine.dtype=float64", "lam=0.8")
+    stays = make_runs(settings, RUNS, kappa=torch.linspace(1.1, 4, RUNS))
+    many = compile_learning(settings, in_lanes(stays))
+    assert_learned_alike(many, 1e-10, 1e-12)
+    alone = in_lanes(stays[13:14])
+    state = run(many[2], alone, make_program(settings, alone).begin(alone), STEPS)
+    assert not different(state[:1], learn(many, STEPS)[13:14])
+
+
 def test_inductor_learns_what_the_eager_engine_learns() -> None:
     labels = "[[-0.5, 0.4], [0.5, 0.4]]"
     settings = config(

@@ -8,6 +8,7 @@ from fnnq_torchrl import graphs
 from fnnq_torchrl.config import EXPLORATIONS, PER_RUN, TRACES, VARIANTS
 from fnnq_torchrl.program import Program
 from fnnq_torchrl.qlambda import Rule
+from fnnq_torchrl.step_size import StepSize
 from fnnq_torchrl.values import FNNQValue
 
 from .oracles.peng import peng_q_lambda
@@ -41,7 +42,7 @@ def mdp_runs() -> TensorDict:
     return TensorDict({key: value.unsqueeze(-1) for key, value in columns.items()}, [runs])
 
 
-def mdp_program(runs: int, rule: Rule) -> Program:
+def mdp_program(runs: int, rule: Rule, step_size: str = "decay") -> Program:
     candidates = torch.linspace(-1, 1, ACTIONS, dtype=torch.float64)
     network = FNNQValue(
         {"place": [(place, CRISP) for place in range(STATES)]},
@@ -53,6 +54,7 @@ def mdp_program(runs: int, rule: Rule) -> Program:
         RandomMDP(runs),
         network,
         rule=rule,
+        step_size=StepSize(step_size),
         exploration="epsilon_greedy",
         evaluate_every=1,
         largest_value=1e6,
@@ -122,6 +124,27 @@ def test_with_crisp_labels_every_q_lambda_is_the_tabular_one(
         torch.testing.assert_close(learned["weights", "weight"][i], q, rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.parametrize("step_size", ["obgd", "alpha_bound"])
+@pytest.mark.parametrize(
+    ("variant", "trace"), [("peng", "output"), ("watkins", "gradient"), ("naive", "replacing")]
+)
+@torch.no_grad()
+def test_with_crisp_labels_every_step_size_is_the_tabular_one(
+    mdp_runs: TensorDict, step_size: str, variant: str, trace: str
+) -> None:
+    kappa = torch.linspace(1.1, 3, len(mdp_runs), dtype=torch.float64)
+    runs = mdp_runs.clone().set("kappa", kappa.unsqueeze(-1))
+    learned = advance(mdp_program(len(runs), Rule(variant, trace), step_size), runs, SOME)
+    for i in range(len(runs)):
+        values = own_values(runs, i)
+        walk = Walk(values.pop("seed"))
+        rule = {"variant": variant, "trace": trace, "window": LONG, "step_size": step_size}
+        table = next(islice(q_lambda(walk, STATES, ACTIONS, **rule, **values), SOME - 1, None))
+        q, alpha = (torch.tensor(x, dtype=torch.float64) for x in (table.q, table.alpha))
+        torch.testing.assert_close(learned["weights", "weight"][i], q, rtol=1e-10, atol=1e-12)
+        torch.testing.assert_close(learned["alpha"][i, 0], alpha, rtol=1e-10, atol=0)
+
+
 @torch.no_grad()
 def test_no_two_q_lambdas_are_the_same() -> None:
     """On labels that overlap, where the readings differ too."""
@@ -176,12 +199,12 @@ AMOUNTS = {"epsilon": 0.6, "temperature": 1.0, "noise_std": 1.0}
 @pytest.mark.parametrize("exploration", EXPLORATIONS)
 def test_every_value_of_a_run_acts_on_that_run_alone(exploration: str) -> None:
     settings = config(f"exploration={exploration}")
-    assert CHANGES.keys() | AMOUNTS.keys() == set(PER_RUN)
+    assert CHANGES.keys() | AMOUNTS.keys() | {"kappa"} == set(PER_RUN)
     base = make_runs(settings, 12)
     changed = base.clone()
     amount = EXPLORATIONS[exploration]
-    for key in AMOUNTS.keys() - {amount}:
-        changed[key] += 0.1  # is another policy's
+    for key in AMOUNTS.keys() - {amount} | {"kappa"}:
+        changed[key] += 0.1  # is another policy's, or another step size's
     for lane, (key, value) in enumerate((CHANGES | {amount: AMOUNTS[amount]}).items()):
         changed[key][lane] = value
     program = make_program(settings, base)
@@ -264,6 +287,8 @@ def test_no_two_entries_of_the_first_state_share_memory() -> None:
         (),
         ("variant=watkins", "trace=window", "window=3", "exploration=boltzmann"),
         ("variant=naive", "trace=replacing", "exploration=noise"),
+        ("variant=watkins", "trace=gradient", "step_size=obgd"),
+        ("trace=window", "window=3", "step_size=alpha_bound"),
     ],
     ids=" ".join,
 )

@@ -7,7 +7,6 @@ from fnnq_torchrl.qlambda import (
     credit,
     credit_replacing,
     credit_window,
-    decayed_step_size,
     squared_norm,
     step_h_scale,
     td_errors,
@@ -70,11 +69,6 @@ def test_one_step_of_credit_by_hand() -> None:
     # e = (1, −2): Δw = −(1, −2) + 2·(0.5, 0.25) = (0, 2.5), then e + 2·(0.5, 0.25) = (2, −1.5).
     assert torch.equal(direction, real(0.0, 1.0, 0.0, 2.5, 0.5, 2.5).view(2, 3))
     assert torch.equal(after, real(2.0, 1.0, 0.0, -1.5, 0.5, 0.0).view(2, 3))
-
-
-def test_the_step_size_decays_after_a_positive_reward_only() -> None:
-    alpha = decayed_step_size(real(0.4, 0.4, 0.4), real(0.99, 0.99, 0.5), real(-0.5, 0.0, 1.0))
-    assert torch.equal(alpha, real(0.4, 0.4, 0.2))
 
 
 def test_where_nothing_can_raise_the_output_nothing_is_added() -> None:

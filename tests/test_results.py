@@ -30,6 +30,7 @@ TWO_RUNS = Outcome(
     train_seconds=0.5,
     compile_seconds=0.25,
     evaluate_seconds=0.125,
+    denormal=np.array([False, True]),
 )
 TWO_RUNS_CSV = """\
 seed,lam,situations,steps,catches,diverged
@@ -204,6 +205,7 @@ def test_summary_by_hand(tmp_path: Path) -> None:
         "final_score": 4.0,
         "final_score_interval": interval,
         "confidence": 0.95,
+        "denormal_runs": 1,
     }
     write_summary(tmp_path / "summary.json", summary)
     written = json.loads((tmp_path / "summary.json").read_text())

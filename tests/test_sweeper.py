@@ -21,7 +21,9 @@ EXPERIMENTS = {
     "traces": 2 * 11,
     "decay": 4 * 5,
     "decay_large": 5,
+    "adaptive": 4 * 7 * 2,
     "exploration": 3 * 4,
+    "stream_q": 1,
     "variants": 2 * (3 * 3 + 3),
     "open_choices": 2 * 11,
 }

@@ -5,12 +5,11 @@ from functools import cached_property
 from typing import Self
 
 import torch
-from omegaconf import OmegaConf
 from torch import Tensor
 from torch.func import functional_call
 
 from fnnq_torchrl.batches import SNAPSHOTS
-from fnnq_torchrl.config import Config, to_config
+from fnnq_torchrl.config import Config
 from fnnq_torchrl.experiments import Job, NoResults
 from fnnq_torchrl.snapshot_file import Snapshots, load_snapshots
 from fnnq_torchrl.values import ValueNetwork, make_value_network
@@ -51,8 +50,7 @@ class Learner:
         path = job.directory / SNAPSHOTS
         if not path.exists():
             raise NoResults(f"{path} isn't there: checkpoint.snapshots=true leaves it")
-        snapshots = load_snapshots(path)
-        return cls(to_config(OmegaConf.create(snapshots.config)), snapshots)
+        return cls(job.config, load_snapshots(path))
 
     @property
     def kind(self) -> str:

@@ -1,9 +1,9 @@
 """Draws the figures of all experiments: ``python -m fnnq_torchrl.figures``."""
 
-import argparse
 import sys
 from pathlib import Path
 
+from fnnq_torchrl.arguments import OneLineParser
 from fnnq_torchrl.experiments import newest_experiment
 from fnnq_torchrl.report import announce
 
@@ -12,7 +12,7 @@ from .gallery import FIGURES, draw
 
 def main() -> None:
     """Read ``sys.argv``; a mistake is one line on stderr and status 2."""
-    parser = argparse.ArgumentParser("python -m fnnq_torchrl.figures", description=__doc__)
+    parser = OneLineParser("python -m fnnq_torchrl.figures", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="figure", help=f"of {', '.join(FIGURES)}")
     parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
     parser.add_argument("--to", type=Path, default=Path("outputs/figures"), help="default: there")
@@ -27,7 +27,7 @@ def main() -> None:
         for path in draw(experiments, arguments.to):
             announce(str(path))
     except (OSError, ValueError) as error:
-        sys.exit(str(error))
+        sys.exit(" ".join(str(error).split()))
 
 
 if __name__ == "__main__":

@@ -30,6 +30,10 @@ FIGURES: dict[str, tuple[str, Draw]] = {
             results, "alpha_decay", "alpha", ["final_score", "forgetting"]
         ),
     ),
+    "adaptive": (
+        "adaptive",
+        lambda results: lines_figure(results, "alpha", "step_size", ["mean_score"], "lam"),
+    ),
     "exploration": ("exploration", lambda results: dots_figure(results, "mean_score")),
     "variants": ("variants", lambda results: dots_figure(results, "mean_score", "lam")),
     "open_choices": (

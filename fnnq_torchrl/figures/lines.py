@@ -1,7 +1,7 @@
 """A measure of the runs against one setting, with a line for each value of another."""
 
 from collections.abc import Sequence
-from itertools import cycle
+from itertools import cycle, product
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,31 +19,39 @@ _PANEL_IN, _HEIGHT_IN = 4.6, 4.2
 INTERVAL = f"{100 * CONFIDENCE:g} % bootstrap interval"
 
 
-def lines_figure(experiment: Experiment, x: str, lines: str, measures: Sequence[str]) -> Figure:
+def lines_figure(
+    experiment: Experiment, x: str, lines: str, measures: Sequence[str], panels: str | None = None
+) -> Figure:
     """Draw a panel for each measure, its mean over the runs with a band.
 
     Args:
-        experiment: has a job for each combination of the two keys.
+        experiment: has a job for each combination of the keys.
         x: the key along the axis.
         lines: the key of which each value has a line.
         measures: of :data:`fnnq_torchrl.measures.MEASURES`.
+        panels: a key of which each value has panels of its own.
 
     Raises:
         NoResults: a combination is missing.
     """
     names = " and ".join(MEASURES[name].words.partition(" (")[0] for name in measures)
     over = count_words([experiment.runs])
+    parts = [experiment]
+    if panels:
+        parts = [experiment.where(panels, value) for value in experiment.values(panels)]
     figure = new_figure(
-        1 + _PANEL_IN * len(measures),
+        1 + _PANEL_IN * len(measures) * len(parts),
         _HEIGHT_IN,
         f"{names.capitalize()} against {key_words(x)}, {over} each",
         f"line: mean over {over}; band: its {INTERVAL}",
     )
-    panels = figure.subplots(1, len(measures), squeeze=False)[0]
-    for axes, name in zip(panels, measures, strict=True):
-        draw_lines(axes, experiment, x, lines, name)
+    row = figure.subplots(1, len(measures) * len(parts), squeeze=False)[0]
+    for axes, (part, name) in zip(row, product(parts, measures), strict=True):
+        draw_lines(axes, part, x, lines, name)
+        if panels:
+            axes.set_title(setting_words(panels, part.values(panels)[0]), fontsize=10)
     figure.draw_without_rendering()
-    for axes in panels:
+    for axes in row:
         label_ends(axes, [setting_words(lines, value) for value in experiment.values(lines)])
     return figure
 

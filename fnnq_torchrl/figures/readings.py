@@ -5,8 +5,8 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fnnq_torchrl.effective_step import effective_step, squared_gradient
 from fnnq_torchrl.experiments import Experiment
-from fnnq_torchrl.step_size import effective_step, squared_gradient
 
 from .lines import INTERVAL, draw_lines
 from .style import GREY, LINES, count_words, label_ends, new_figure, quiet_grid

@@ -9,6 +9,7 @@ _KEYS = {  # with their units
     "lam": ("λ", ""),
     "alpha": ("α", ""),
     "alpha_decay": ("decay of α", ""),
+    "kappa": ("κ", ""),
     "epsilon": ("ε", ""),
     "temperature": ("temperature", ""),
     "noise_std": ("σ", ""),
@@ -19,6 +20,10 @@ _KEYS = {  # with their units
     "window": ("steps", ""),
 }
 _VALUES = {
+    "decay": "decaying α",
+    "constant": "constant α",
+    "obgd": "ObGD",
+    "alpha_bound": "α bound",
     "epsilon_greedy": "ε-greedy",
     "boltzmann": "Boltzmann",
     "noise": "additive noise",
@@ -67,6 +72,8 @@ def job_words(experiment: Experiment, job: Job, without: str | None = None) -> s
     idle = set(EXPLORATIONS.values()) - {EXPLORATIONS[settings["exploration"]]}
     if settings["trace"] != "window":
         idle.add("window")
+    if settings["step_size"] != "obgd":
+        idle.add("kappa")
     keys = [key for key in experiment.varied if key != without and key not in idle]
     return ", ".join(setting_words(key, settings[key]) for key in keys)
 

@@ -1,12 +1,12 @@
 """Writes which of the paper's claims hold: ``python -m fnnq_torchrl.reproduction``."""
 
-import argparse
 import sys
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
+from fnnq_torchrl.arguments import OneLineParser
 from fnnq_torchrl.atomic import atomic_write
 from fnnq_torchrl.experiments import newest_experiment
 from fnnq_torchrl.figures.gallery import draw
@@ -17,7 +17,7 @@ from .page import EXPERIMENTS, FIGURES, IN_SHORT, verdicts_in_short, write_page
 
 def main() -> None:
     """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
-    parser = argparse.ArgumentParser("python -m fnnq_torchrl.reproduction", description=__doc__)
+    parser = OneLineParser("python -m fnnq_torchrl.reproduction", description=__doc__)
     parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
     parser.add_argument("--to", type=Path, default=Path("docs"), help="default: docs")
     parser.add_argument("--short", action="store_true", help=f"only a table, from {IN_SHORT}")
@@ -34,7 +34,7 @@ def main() -> None:
         with atomic_write(page) as file:
             file.write(text.encode())
     except (OSError, ValueError) as error:
-        sys.exit(str(error))
+        sys.exit(" ".join(str(error).split()))
     announce(str(page))
 
 

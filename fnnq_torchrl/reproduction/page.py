@@ -1,19 +1,20 @@
 """The page itself, in Markdown. Every number in it comes from the results."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
 
+from fnnq_torchrl.effective_step import effective_step
 from fnnq_torchrl.experiments import Experiment, NoResults
 from fnnq_torchrl.figures.readings import norms
 from fnnq_torchrl.figures.words import change_words, setting_words
 from fnnq_torchrl.measures import MEASURES
 from fnnq_torchrl.results import CONFIDENCE
-from fnnq_torchrl.stats import Difference, Interval, bootstrap_interval, paired_difference
-from fnnq_torchrl.step_size import effective_step
+from fnnq_torchrl.stats import Difference, bootstrap_interval, paired_difference
 
 from .claims import CLAIMS, Claim, Comparison, Settings
+from .markdown import interval_words, table
 from .pool import Pool, default_settings, words
 from .verdicts import MATTERS, Verdict, compare, quick_verdict, together, verdict_shares
 
@@ -150,7 +151,7 @@ def verdicts_in_short(experiments: Mapping[str, Experiment]) -> list[tuple[str, 
     for claim in CLAIMS:
         found = [compare(pool, comparison, {}, None) for comparison in claim.comparisons]
         differences = [
-            f"{_comparison(comparison)}: {_interval(each.difference.mean, signed=True)}, "
+            f"{_comparison(comparison)}: {interval_words(each.difference.mean, signed=True)}, "
             f"{each.runs:,} seeds"
             for comparison, each in zip(claim.comparisons, found, strict=True)
         ]
@@ -166,7 +167,7 @@ def _summary(rows: Sequence[Sequence[str]]) -> str:
         "over all",
         "differences over all",
     ]
-    return "## In short\n\n" + _table(head, rows)
+    return "## In short\n\n" + table(head, rows)
 
 
 def _claim(pool: Pool, claim: Claim) -> tuple[list[str], str]:
@@ -181,18 +182,18 @@ def _claim(pool: Pool, claim: Claim) -> tuple[list[str], str]:
                 [
                     _comparison(comparison),
                     f"{each.runs:,}",
-                    f"{_interval(each.ours)}, IQM {each.ours_iqm:.2f}",
-                    f"{_interval(each.theirs)}, IQM {each.theirs_iqm:.2f}",
-                    _interval(difference.mean, signed=True),
+                    f"{interval_words(each.ours)}, IQM {each.ours_iqm:.2f}",
+                    f"{interval_words(each.theirs)}, IQM {each.theirs_iqm:.2f}",
+                    interval_words(difference.mean, signed=True),
                     f"{difference.effect:+.2f}",
-                    _interval(difference.improvement),
+                    interval_words(difference.improvement),
                     _count(difference),
                     each.verdict.value,
                 ]
             )
         effects = [
             f"{words(comparison.ours)} − {words(comparison.theirs)}: "
-            f"{_interval(each.difference.mean, signed=True)}"
+            f"{interval_words(each.difference.mean, signed=True)}"
             for comparison, each in zip(claim.comparisons, found, strict=True)
         ]
         most = min(each.runs for each in found)
@@ -203,7 +204,7 @@ def _claim(pool: Pool, claim: Claim) -> tuple[list[str], str]:
         f"## «{claim.words}» ({claim.place})\n",
         f"{claim.reading} **Over {PAPER_RUNS} seeds: {verdicts[PAPER_RUNS].value}; "
         f"over {most:,}: {verdicts[None].value}.**\n",
-        _table(head, rows),
+        table(head, rows),
         f"With {PAPER_RUNS} seeds of one's own one would have found: {parts} "
         f"(of {samples:,} samples).\n",
         _elsewhere(pool, claim),
@@ -266,7 +267,7 @@ def _readings(traces: Experiment) -> str:
     for measure in ("mean_score", "final_score"):
         for trace in traces.values("trace"):
             cells = [
-                _interval(bootstrap_interval(np.mean, MEASURES[measure].of(job.evaluations)))
+                interval_words(bootstrap_interval(np.mean, MEASURES[measure].of(job.evaluations)))
                 for lam in lams
                 for job in [traces.job(trace=trace, lam=lam)]
             ]
@@ -280,8 +281,8 @@ def _readings(traces: Experiment) -> str:
         ahead=norm.min(),
         alpha=alpha,
         gamma=gamma,
-        steps=_table(["", *heads], steps),
-        scores=_table([f"{traces.runs:,} seeds", *heads], rows) + "\n" + picture,
+        steps=table(["", *heads], steps),
+        scores=table([f"{traces.runs:,} seeds", *heads], rows) + "\n" + picture,
     )
 
 
@@ -302,10 +303,10 @@ def _open_choices(choices: Experiment) -> str:
         rows.append(
             [
                 name,
-                _interval(bootstrap_interval(np.mean, ours)),
-                "" if name == "default" else _interval(moved.mean, signed=True),
+                interval_words(bootstrap_interval(np.mean, ours)),
+                "" if name == "default" else interval_words(moved.mean, signed=True),
                 "" if name == "default" else f"{moved.effect:+.2f}",
-                _interval(gained.mean, signed=True),
+                interval_words(gained.mean, signed=True),
                 f"{gained.effect:+.2f}",
             ]
         )
@@ -317,7 +318,7 @@ def _open_choices(choices: Experiment) -> str:
         "The paper gives no figure for the robot's speed V₀, the sensor's noise, the actions among "
         "which the best is sought and the decay of α, calls the labels' second number a variance, "
         "and leaves step h to be read. Each choice by itself, the others as by default, over "
-        f"{seeds:,} seeds:\n\n" + _table(head, rows) + "\n"
+        f"{seeds:,} seeds:\n\n" + table(head, rows) + "\n"
         "![Mean score with each choice](figures/open_choices.png)\n"
     )
 
@@ -334,20 +335,7 @@ def _rest(experiments: Mapping[str, Experiment]) -> str:
     )
 
 
-def _interval(interval: Interval, signed: bool = False) -> str:
-    value, low, high = interval
-    digits = 2 if not np.isfinite(low) or high - low > 0.05 else 3
-    sign = "+" if signed else ""
-    bounds = f" [{low:{sign}.{digits}f}, {high:{sign}.{digits}f}]" if np.isfinite(low) else ""
-    return f"{value:{sign}.{digits}f}{bounds}"
-
-
 def _count(difference: Difference) -> str:
     """The seeds that it takes to see a difference, if it is one."""
     _, low, high = difference.mean
     return f"{difference.runs_needed:,.0f}" if low > 0 or high < 0 else "–"
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -2,7 +2,8 @@
 
 Watkins' and naive Q(λ): R. S. Sutton, A. G. Barto, "Reinforcement learning", 1998, fig. 7.14 and
 section 7.6. The trace counts the present pair before it is used, so all pairs get αδ′e. Peng's: the
-paper's Table 1, where it counts it afterwards.
+paper's Table 1, where it counts it afterwards. The step sizes: `fnnq_torchrl.step_size` has their
+sources.
 """
 
 from collections.abc import Iterator
@@ -26,6 +27,8 @@ def q_lambda(
     alpha_decay: float,
     gamma: float,
     epsilon: float,
+    step_size: str = "decay",
+    kappa: float = 1.0,
 ) -> Iterator[Learned]:
     """Steps for ever. The trace is worked out anew each time, from the pairs that were visited."""
     q = [[0.0] * actions for _ in range(states)]
@@ -44,16 +47,31 @@ def q_lambda(
             error, chosen_error = target - max(q[state]), target - q[state][action]
             if variant == "peng":
                 e = eligibility(visits, states, actions, trace, window, gamma * lam)
-                step_size = [[alpha * gamma * lam * error * x for x in row] for row in e]
-                step_size[state][action] += alpha * chosen_error
+                z = [[gamma * lam * x for x in row] for row in e]
+                direction = [[error * x for x in row] for row in z]
+                direction[state][action] += chosen_error
+                z[state][action] += 1
+                largest_error = max(abs(error), abs(chosen_error))
             else:
                 seen = [(state, action), *visits]
                 # A window's steps are those before the present one.
-                e = eligibility(seen, states, actions, trace, window + 1, gamma * lam)
-                step_size = [[alpha * chosen_error * x for x in row] for row in e]
+                z = eligibility(seen, states, actions, trace, window + 1, gamma * lam)
+                direction = [[chosen_error * x for x in row] for row in z]
+                largest_error = abs(chosen_error)
+            size = alpha
+            if step_size == "obgd":
+                reach = alpha * kappa * max(largest_error, 1) * sum(map(sum, z))
+                size = alpha / max(reach, 1)
+            elif step_size == "alpha_bound":
+                best = [
+                    x for x, value in zip(z[after], q[after], strict=True) if value == max(q[after])
+                ]
+                ahead = 0.0 if terminated else gamma * sum(best) / len(best)
+                along = ahead - z[state][action]
+                size = alpha = min(alpha, 1 / abs(along)) if along < 0 else alpha
             q = [
-                [a + b for a, b in zip(*rows, strict=True)]
-                for rows in zip(q, step_size, strict=True)
+                [a + size * b for a, b in zip(*rows, strict=True)]
+                for rows in zip(q, direction, strict=True)
             ]
             visits = [] if done else [(state, action), *visits]
             if reward > 0:

@@ -1,0 +1,92 @@
+"""TorchRL's and Stable-Baselines3's DQN beside Q(λ): docs/peers.md and its figure.
+
+python -m benchmarks.peers [--seeds 6] [--redraw]
+"""
+
+import argparse
+import os
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from itertools import chain, product
+from pathlib import Path
+
+from benchmarks.machine import describe_machine
+from fnnq_torchrl.figures.style import save
+
+from .figure import peers_figure
+from .learners import PEERS, fuzzy_command
+from .page import write_page
+from .results import ALONE, EAGER, NO_TRACE, OURS, WORDS, read_results, write_results
+from .runs import Run, alone, side_by_side
+from .task import EVERY, STEPS, task
+from .tune import best_rate, read_tuning
+
+TIMES = 3
+"""How often a run of ours is timed, whose time is short."""
+
+
+Measured = Iterator[tuple[str, list[Run]]]
+"""Runs with the names of their learners."""
+
+
+def measure_ours(steps: int, runs: int) -> Measured:
+    """Scores of batches, and the time of single runs."""
+    batch = f"num_seeds={runs}", "engine=compiled"
+    single = fuzzy_command(steps, "lam=0.2", "engine=compiled")
+    alone(single)  # fills the cache of compiled programs
+    for _ in range(TIMES):
+        yield ALONE, alone(single)
+    yield EAGER, alone(fuzzy_command(min(steps, 2 * EVERY), "lam=0.2", "engine=eager"))
+    yield OURS, alone(fuzzy_command(steps, "lam=0.2", *batch))
+    yield NO_TRACE, alone(fuzzy_command(steps, "lam=0", *batch))
+
+
+def measure_peers(steps: int, seeds: int) -> Measured:
+    """The peers in turn, since what else the machine does varies."""
+    rates = {peer: best_rate(scores) for peer, scores in read_tuning().items()}
+    cases = list(product(range(seeds), PEERS))
+    commands = [PEERS[peer].command(seed, steps, rates[peer]) for seed, peer in cases]
+    for (_, peer), runs in zip(cases, side_by_side(commands), strict=True):
+        yield peer, runs
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=6, help="of each peer")
+    parser.add_argument("--runs", type=int, default=1000, help="of ours")
+    parser.add_argument("--steps", type=int, default=STEPS, help="of learning, of each run")
+    parser.add_argument("--results", type=Path, default=Path("outputs/peers/results.json"))
+    parser.add_argument("--to", type=Path, default=Path("docs"), help="where the page goes")
+    parser.add_argument("--redraw", action="store_true", help="from the results as they are")
+    given = parser.parse_args()
+    if min(given.seeds, given.runs) < 2:
+        parser.error("an interval needs two runs of each learner")
+    return given
+
+
+def main() -> None:
+    given = arguments()
+    if not given.redraw:
+        if absent := [peer.python for peer in PEERS.values() if not Path(peer.python).exists()]:
+            sys.exit(f"{absent[0]} isn't there: make peers installs it")
+        # Who else was busy makes wall times longer.
+        machine = f"{describe_machine()}, at a load of {os.getloadavg()[0]:.1f} before we began"
+        measured = defaultdict(list)
+        ours = measure_ours(given.steps, given.runs)
+        for name, runs in chain(ours, measure_peers(given.steps, given.seeds)):
+            measured[name] += runs
+            write_results(given.results, machine, measured)  # what is there is kept
+    machine, results = read_results(given.results)
+    if missing := [name for name in (ALONE, EAGER, *WORDS) if name not in results]:
+        sys.exit(f"{given.results} has no runs of {missing[0]}: make peers")
+    figures = given.to / "figures"
+    figures.mkdir(parents=True, exist_ok=True)
+    for suffix in ("png", "svg"):
+        save(peers_figure(results, len(task().evaluation.situations)), figures / f"peers.{suffix}")
+    write_page(given.to / "peers.md", machine, results)
+    print(given.to / "peers.md")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""What every learner is given: the same world, as many steps, and the same test."""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from time import perf_counter
+
+import torch
+from torch import Tensor, nn
+
+from envs.follow_ball import FollowBall
+from fnnq_torchrl.compose import load_config
+from fnnq_torchrl.config import Config
+from fnnq_torchrl.evaluation import FIRST_EPISODE
+
+STEPS = 12_000
+"""Of learning: about what 200 situations take with λ = 0.2."""
+
+EVERY = 400
+"""Steps from one evaluation to the next."""
+
+
+def moments(steps: int) -> list[int]:
+    """The steps after which a learner of so many is evaluated: before the first, and regularly."""
+    return list(range(0, steps + 1, EVERY))
+
+
+def task() -> Config:
+    """World, candidates, γ and test are our defaults, for the peers too."""
+    return load_config()
+
+
+class Diary:
+    """Snapshots of a network that learns: after how many steps, how many seconds, and it."""
+
+    def __init__(self) -> None:
+        self.steps: list[int] = []
+        self.seconds: list[float] = []
+        self.networks: list[nn.Module] = []
+        self._start = perf_counter()
+
+    def note(self, step: int, network: nn.Module) -> None:
+        """Note down the network after so many steps."""
+        self.seconds.append(perf_counter() - self._start)
+        self.steps.append(step)
+        self.networks.append(deepcopy(network))
+
+
+class WorldClock:
+    """Counts the seconds that a world takes for its own steps, whoever calls it."""
+
+    def __init__(self, world: FollowBall) -> None:
+        self.seconds = 0.0
+        self._step = world._step
+        world._step = self._timed_step
+
+    def _timed_step(self, tensordict):
+        start = perf_counter()
+        after = self._step(tensordict)
+        self.seconds += perf_counter() - start
+        return after
+
+
+@torch.no_grad()
+def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]:
+    """How many of the test's situations the greedy policy of each network ends in a catch.
+
+    Played side by side, all networks and situations, with the random numbers of
+    `fnnq_torchrl.evaluation`.
+
+    Args:
+        networks: of the evaluations in turn; each takes bearings ``[n, 1]`` to the values of the
+            candidates, ``[n, candidates]``.
+        seed: the run's.
+        config: has the world, the test and the number of candidates.
+    """
+    tests = torch.tensor(config.evaluation.situations)
+    candidates = torch.linspace(-1, 1, config.action.candidates)
+    lanes = len(networks) * len(tests)
+    env = FollowBall(config.env, [lanes])
+    episode = FIRST_EPISODE + torch.arange(lanes).unsqueeze(-1)
+    state = env.start(torch.full_like(episode, seed), episode, tests.repeat(len(networks), 1))
+    caught = torch.zeros(lanes, 1, dtype=torch.bool)
+    for _ in range(config.env.time_limit_steps):
+        best = _greedy(networks, state["bearing"].view(len(networks), len(tests), 1))
+        state = env.step(state.set("action", candidates[best].view(lanes, 1)))["next"]
+        caught |= state["reward"] > 0  # before the time limit nothing else ends a situation
+    return caught.view(len(networks), len(tests)).sum(1).tolist()
+
+
+def _greedy(networks: Sequence[nn.Module], bearing: Tensor) -> Tensor:
+    values = [network(seen) for network, seen in zip(networks, bearing, strict=True)]
+    return torch.stack(values).argmax(-1)

@@ -1,0 +1,222 @@
+"""Kills jobs at random moments, writes included, and has the same command go on each time.
+
+python benchmarks/torture.py [--kills 25] [--seed 0]
+
+After every kill each file under its final name must be whole. At the end of each job its files must
+be those, bit for bit, of a job that nobody killed, and nothing else may be left.
+"""
+
+import argparse
+import csv
+import json
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from statistics import median
+
+import yaml
+from machine import describe_machine
+from matplotlib.image import imread
+
+from fnnq_torchrl.checkpoint import load_checkpoint
+from fnnq_torchrl.plain import read_plain
+from fnnq_torchrl.results import read_evaluations, read_summary
+from fnnq_torchrl.saved import FORMAT, NAME
+
+EVERY_S = 0.05
+MOST_SAVES = 8  # of one start, before it is killed
+LONGEST_S = 600
+LOOK_S = 0.001
+COMMON = (
+    "num_seeds=200",
+    "situations=1000",
+    "evaluation.every=50",
+    "engine=compiled",
+    f"checkpoint.every_s={EVERY_S}",
+)
+KINDS = {"job": ("lam=0.2", *COMMON), "sweep": ("lam=0,0.4", *COMMON, "-m")}
+TIMES = ("train_seconds", "compile_seconds", "evaluate_seconds", "learning_steps_per_second")
+SAME = ("checkpoint.pt", "evaluations.csv", "learning_curve.png", "learning_curves.png")
+
+
+def learned(path: Path) -> int:
+    """Situations learned from so far, of all runs that a saved training has."""
+    return int(read_plain(path, FORMAT, "a saved training")["ledger"]["learned"].sum())
+
+
+def read_table(path: Path) -> None:
+    if path.read_bytes()[-1:] != b"\n":
+        raise ValueError(f"{path} is cut short")
+    with open(path, newline="") as file:
+        lengths = {len(row) for row in csv.reader(file)}
+    if len(lengths) != 1:
+        raise ValueError(f"{path} has rows of different lengths")
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    NAME: learned,
+    "checkpoint.pt": load_checkpoint,
+    "evaluations.csv": read_evaluations,
+    "summary.json": read_summary,
+    "summary.csv": read_table,
+    ".png": imread,
+    ".yaml": lambda path: yaml.safe_load(path.read_text()),
+    ".log": Path.read_text,
+}
+
+
+def check_whole(directory: Path) -> int:
+    """Read every file under a final name, and count those of hidden temporary files."""
+    temporary = 0
+    for path in sorted(directory.rglob("*")):
+        if path.suffix == ".tmp":
+            temporary += 1
+        elif path.is_file():
+            (READERS.get(path.name) or READERS[path.suffix])(path)
+    return temporary
+
+
+def results(directory: Path) -> dict[str, object]:
+    """What must be the same in each job of a kind, by the names of the files."""
+    found: dict[str, object] = {}
+    for path in sorted(directory.rglob("*")):
+        name = str(path.relative_to(directory))
+        if path.name in SAME:
+            found[name] = path.read_bytes()
+        elif path.name == "summary.json":
+            summary = json.loads(path.read_text())
+            # A job of a sweep may go on alone once the others are finished.
+            found[name] = {k: v for k, v in summary.items() if k not in (*TIMES, "batch_runs")}
+        elif path.is_file() and path.suffix not in (".yaml", ".log") and path.name != "summary.csv":
+            raise ValueError(f"{path} was left")
+    return found
+
+
+def start(kind: str, directory: Path) -> subprocess.Popen[str]:
+    place = "hydra.sweep.dir" if kind == "sweep" else "hydra.run.dir"
+    command = [*KINDS[kind], f"{place}={directory}"]
+    if kind == "sweep":
+        command.append(command.pop(command.index("-m")))  # flags go last
+    return subprocess.Popen(
+        [sys.executable, "-m", "fnnq_torchrl.train", *command],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def saved_in(directory: Path) -> Sequence[Path]:
+    return sorted(directory.rglob(NAME))
+
+
+def saved_at(directory: Path) -> float:
+    """When the last save was, in seconds of the clock on the wall; 0 if there is none."""
+    times = []
+    for path in saved_in(directory):
+        try:
+            times.append(path.stat().st_mtime)
+        except FileNotFoundError:
+            continue
+    return max(times, default=0.0)
+
+
+def saved_since(directory: Path, moment: float) -> bool:
+    return saved_at(directory) > moment
+
+
+def wait_for(moment: Callable[[], bool], process: subprocess.Popen[str], longest_s: float) -> None:
+    end = time.monotonic() + longest_s
+    while process.poll() is None and not moment() and time.monotonic() < end:
+        time.sleep(LOOK_S)
+
+
+def run_reference(kind: str, directory: Path) -> dict[str, object]:
+    process = start(kind, directory)
+    _, stderr = process.communicate(timeout=LONGEST_S)
+    if process.returncode:
+        sys.exit(f"{kind}: {stderr}")
+    return results(directory)
+
+
+@dataclass
+class Tally:
+    kills: int = 0
+    amid_writing: int = 0  # a temporary file was there
+    went_on: int = 0  # from a saved training
+    finished: int = 0
+    lost_s: list[float] = field(default_factory=list)
+
+
+def torture(
+    kind: str, directory: Path, expected: dict[str, object], rng: random.Random, most: int
+) -> Tally:
+    """Start a job and kill it, so often at most, until it is finished."""
+    tally, done = Tally(), 0
+    while True:
+        process, since = start(kind, directory), time.time()
+        if tally.kills < most:
+            for _ in range(rng.randint(1, MOST_SAVES)):
+                wait_for(partial(saved_since, directory, since), process, LONGEST_S)
+                since = saved_at(directory)
+            wait_for(lambda: False, process, rng.uniform(0, 2 * EVERY_S))
+            if rng.random() < 0.5:
+                wait_for(lambda: any(directory.rglob(".*.tmp")), process, 1)
+            process.send_signal(signal.SIGKILL)
+            killed_at = time.time()
+        _, stderr = process.communicate(timeout=LONGEST_S)
+        tally.went_on += "going on from" in stderr
+        temporary = check_whole(directory)
+        if process.returncode == 0:
+            tally.finished = 1
+            if temporary or results(directory) != expected:
+                sys.exit(f"{kind} in {directory}: not what an uninterrupted one leaves")
+            return tally
+        if process.returncode != -signal.SIGKILL:
+            sys.exit(f"{kind}: exit status {process.returncode}: {stderr}")
+        tally.kills += 1
+        tally.amid_writing += temporary > 0
+        if saved := saved_in(directory):
+            tally.lost_s.append(killed_at - saved_at(directory))
+            now = max(map(learned, saved))
+            if now < done:
+                sys.exit(f"{kind} in {directory}: had learned from {done} situations, now {now}")
+            done = now
+        print(f"{kind}: killed {tally.kills}, learned from {done:,} situations", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=25)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    rng = random.Random(arguments.seed)
+    print(describe_machine())
+    tallies = []
+    with tempfile.TemporaryDirectory() as folder:
+        references = {kind: run_reference(kind, Path(folder, kind)) for kind in KINDS}
+        while (left := arguments.kills - sum(tally.kills for tally in tallies)) > 0:
+            kind = list(KINDS)[len(tallies) % len(KINDS)]
+            directory = Path(folder, f"{kind}_{len(tallies)}")
+            # Some kills each, so that jobs of both kinds come to their end.
+            share = min(left, rng.randint(2, 7))
+            tallies.append(torture(kind, directory, references[kind], rng, share))
+    lost = [second for tally in tallies for second in tally.lost_s]
+    print(
+        f"{sum(tally.kills for tally in tallies)} kills, "
+        f"{sum(tally.amid_writing for tally in tallies)} of them amid writing; "
+        f"{sum(tally.went_on for tally in tallies)} starts went on from a saved training; "
+        f"{sum(tally.finished for tally in tallies)} jobs and sweeps came to the same end, "
+        "bit for bit; no half file, nothing left over. "
+        f"Age of the last save at the kill: median {median(lost):.2f} s, at most {max(lost):.2f} s"
+    )
+
+
+if __name__ == "__main__":
+    main()

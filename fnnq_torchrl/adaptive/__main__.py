@@ -1,0 +1,34 @@
+"""Writes what adaptive step sizes do: ``python -m fnnq_torchrl.adaptive``."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from fnnq_torchrl.atomic import atomic_write
+from fnnq_torchrl.experiments import newest_experiment
+from fnnq_torchrl.figures.gallery import draw
+from fnnq_torchrl.report import announce
+
+from .page import write_page
+
+
+def main() -> None:
+    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    parser = argparse.ArgumentParser("python -m fnnq_torchrl.adaptive", description=__doc__)
+    parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
+    parser.add_argument("--to", type=Path, default=Path("docs"), help="default: docs")
+    arguments = parser.parse_args()
+    try:
+        experiment = newest_experiment(arguments.results, "adaptive")
+        text = write_page(experiment)
+        draw({"adaptive": experiment}, arguments.to / "figures")
+        page = arguments.to / "adaptive.md"
+        with atomic_write(page) as file:
+            file.write(text.encode())
+    except (OSError, ValueError) as error:
+        sys.exit(str(error))
+    announce(str(page))
+
+
+if __name__ == "__main__":
+    main()

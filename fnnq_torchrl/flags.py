@@ -1,0 +1,64 @@
+"""The flags of a command, which are Hydra's: ``python -m fnnq_torchrl.train --hydra-help``."""
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from hydra._internal.utils import get_args_parser
+
+from fnnq_torchrl.arguments import OneLineParser
+from fnnq_torchrl.config import ConfigError
+
+_SWEEPS = ("-m", "--multirun")
+
+
+def check_flags(program: str, arguments: Sequence[str]) -> None:
+    """Refuse what Hydra would answer with a page or a traceback, or what could run foreign code.
+
+    Args:
+        program: as it was called, ``sys.argv[0]``.
+        arguments: the others.
+
+    Raises:
+        ConfigError: a flag is in the wrong place, or not allowed; one line.
+        SystemExit: there is no such flag, which is told.
+    """
+    # Hydra's parser takes its flags before or after the overrides, and not between them.
+    for flag in _SWEEPS:
+        if flag in arguments:
+            place = arguments.index(flag)
+            behind = "".join(arguments[place + 1 :])
+            if any("=" in before for before in arguments[:place]) and "=" in behind:
+                others = [argument for argument in arguments if argument != flag]
+                raise ConfigError(f"{flag} goes last; type {as_typed(program, *others, flag)}")
+    given = OneLineParser(parents=[get_args_parser()], add_help=False).parse_args(arguments)
+    if given.experimental_rerun is not None:
+        raise ConfigError(
+            "--experimental-rerun: reads a pickle, which can run any code; "
+            "type what is in the job's .hydra/overrides.yaml instead"
+        )
+    for flag, directory in (
+        ("--config-path", given.config_path),
+        ("--config-dir", given.config_dir),
+    ):
+        if directory is not None and ".hydra" in Path(directory).parts:
+            raise ConfigError(
+                f"{flag} {directory}: what a job has left is not to be trusted as configuration; "
+                "type what is in its overrides.yaml instead"
+            )
+    if given.resolve and not (given.cfg or given.help):
+        raise ConfigError("--resolve: goes with --cfg job, --cfg hydra or --cfg all")
+
+
+def only_shows() -> bool:
+    """Whether the flags ask for something to be shown, and nothing is to be run."""
+    given, _ = get_args_parser().parse_known_args(sys.argv[1:])
+    return bool(given.cfg or given.info or given.help or given.hydra_help)
+
+
+def as_typed(program: str, *arguments: str) -> str:
+    """A command as one would type it."""
+    name = Path(program).name
+    begin = f"python -m fnnq_torchrl.{Path(name).stem}" if name.endswith(".py") else name
+    return f"{begin} {shlex.join(arguments)}"

@@ -1,0 +1,70 @@
+"""TensorBoard: events of each job: its curve and band, its scores as histograms, its pictures."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image  # which torch.utils.tensorboard needs for pictures
+from torch.utils.tensorboard import SummaryWriter
+from torchrl.record.loggers import TensorboardLogger as Writer
+
+from fnnq_torchrl.batches import Job
+from fnnq_torchrl.logger_config import TensorboardConfig
+
+from .base import JobResults, SweepResults, flat
+
+
+class TensorboardLogger:
+    """See `fnnq_torchrl.loggers.Logger`. By TorchRL's, which numbers and histograms are enough for.
+
+    Args:
+        settings: see ``conf/logger/tensorboard.yaml``.
+    """
+
+    def __init__(self, settings: TensorboardConfig) -> None:
+        self._directory = settings.directory
+
+    def foresee(self, jobs: Sequence[Job]) -> None:
+        """There is nothing to know."""
+
+    def log_job(self, job: JobResults) -> None:
+        logger = self._writer(job.directory)
+        evaluations, curve = job.evaluations, job.curve
+        best = len(job.job.config.evaluation.situations)
+        for place, situations in enumerate(evaluations.situations.tolist()):
+            for name, column in curve.items():
+                logger.log_scalar(name, column[place], step=situations)
+            logger.log_histogram(
+                "catches", evaluations.catches[:, place], step=situations, bins=_bins(best)
+            )
+        writer: SummaryWriter = logger.experiment
+        if "score_low" in curve:
+            band = ["score", "score_low", "score_high"]
+            writer.add_custom_scalars_marginchart(band, title="score with its interval")
+        plain = {
+            key: value if isinstance(value, bool | int | float | str) else repr(value)
+            for key, value in flat(job.settings).items()
+        }
+        writer.add_hparams(plain, job.scores, run_name=".")
+        _log_pictures(logger, job.pictures, step=int(evaluations.situations[-1]))
+        writer.close()
+
+    def log_sweep(self, sweep: SweepResults) -> None:
+        logger = self._writer(sweep.directory)
+        _log_pictures(logger, sweep.pictures, step=sweep.jobs)
+        logger.experiment.close()
+
+    def _writer(self, directory: Path) -> Writer:
+        return Writer(exp_name=self._directory, log_dir=str(directory))
+
+
+def _bins(best: int) -> list[float]:
+    """The edges of a bin around each score, 0 … best."""
+    return (np.arange(best + 2) - 0.5).tolist()
+
+
+def _log_pictures(logger: Writer, pictures: Sequence[Path], step: int) -> None:
+    for picture in pictures:
+        with Image.open(picture) as image:
+            pixels = np.asarray(image.convert("RGB"))
+        logger.experiment.add_image(picture.stem, pixels, step, dataformats="HWC")

@@ -1,0 +1,46 @@
+"""The files of a job that was never run, for the loggers, which read nothing else."""
+
+from dataclasses import asdict, fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imsave
+
+from fnnq_torchrl.batches import Job
+from fnnq_torchrl.compose import load_config
+from fnnq_torchrl.results import Evaluations, Outcome, summarise, write_evaluations, write_summary
+
+from .experiment_files import invented
+
+
+def keys_read(schema: type, monkeypatch: pytest.MonkeyPatch) -> set[str]:
+    """The keys of a schema that are read from now on, as they are read."""
+    keys = set()
+
+    def recording(self: object, name: str) -> object:
+        if name in schema.__dataclass_fields__:
+            keys.add(name)
+        return object.__getattribute__(self, name)
+
+    monkeypatch.setattr(schema, "__getattribute__", recording)
+    return keys
+
+
+def write_job(directory: Path, *overrides: str, sweep: Path | None = None) -> Job:
+    """A finished job with these overrides; its picture is one colour."""
+    job = Job(load_config("situations=40", *overrides), directory, sweep)
+    directory.mkdir(parents=True, exist_ok=True)
+    evaluations = invented(asdict(job.config), 4.0)
+    outcome = Outcome(
+        **{field.name: getattr(evaluations, field.name) for field in fields(Evaluations)},
+        batch_runs=evaluations.runs,
+        batch_learning_steps=evaluations.learning_steps,
+        train_seconds=2.0,
+        compile_seconds=1.0,
+        evaluate_seconds=0.5,
+    )
+    write_evaluations(directory / "evaluations.csv", outcome)
+    write_summary(directory / "summary.json", summarise(outcome))
+    imsave(directory / "learning_curve.png", np.full((6, 8, 3), [1.0, 0.5, 0.0]))
+    return job
