@@ -49,8 +49,8 @@ def write_snapshots(directory: Path, config: Config) -> None:
         steps = 0.1 * torch.randn(len(SITUATIONS), *first.shape, generator=generator)
         steps[0] = 0
         weights[name] = first + steps.cumsum(0)
-    lam = torch.full((RUNS,), config.lam)
-    save_snapshots(directory / "snapshots.pt", weights, SITUATIONS, seed, lam, asdict(config))
+    lam, path = [config.lam] * RUNS, directory / "snapshots.pt"
+    save_snapshots(path, weights, SITUATIONS, seed.tolist(), lam, {"kind": config.value.kind})
 
 
 def write_results(root: Path, kinds: Sequence[str]) -> None:

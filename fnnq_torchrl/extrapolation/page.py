@@ -3,9 +3,11 @@
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from fnnq_torchrl.experiments import Experiment
+from fnnq_torchrl.membership import firing_shares, rule_width
 from fnnq_torchrl.results import CONFIDENCE
 from fnnq_torchrl.stats import bootstrap_interval
 
@@ -64,6 +66,8 @@ five (`+experiment=value_functions`, {sweep_runs} seeds each):
 ![Movement of Q against the bearing](figures/extrapolation_movement.png)
 
 {movement}
+{outermost}
+
 «Beyond» is what lies outside the field of view, up to 1.5 rad on either side. The sensor clips what
 it reports at ±{view:g} rad, so these states never occur, in learning or in tests. The last two
 columns are how far the greedy action there is from that at the edge of the view, in units of Δv.
@@ -118,6 +122,7 @@ def write_page(findings: Sequence[Findings], sweep: Experiment) -> str:
         sweep_runs=sweep.runs,
         steps=_steps([each.learner for each in findings], sweep),
         movement=_movement(findings),
+        outermost=_outermost(by_kind["fnnq"].learner),
         caught=_caught(findings),
         spread=_spread(findings),
         seen=_seen(findings),
@@ -166,6 +171,20 @@ def _movement(findings: Sequence[Findings]) -> str:
         "unseen side",
     ]
     return _table(head, rows)
+
+
+def _outermost(learner: Learner) -> str:
+    """How much of the rules that answer for the unseen side fires at the edge of the seen one."""
+    labels = learner.config.value.inputs["bearing"]
+    edge_rad = -min(learner.config.env.other_view_rad, learner.config.env.field_of_view_rad)
+    centres, seconds = torch.tensor(labels, dtype=torch.float64).T
+    widths = [rule_width(float(second), learner.config.value.width) for second in seconds]
+    shares = firing_shares(torch.tensor(edge_rad), centres, 1 / torch.tensor(widths))
+    return (
+        f"At the edge of what is seen, {edge_rad:g} rad, the fuzzy network's outermost label, of "
+        f"{centres.min():g} rad, has {shares[centres.argmin()]:.0%} of the firing strength; farther "
+        "out it has nearly all. What is learned at the edge is learned for it."
+    )
 
 
 def _caught(findings: Sequence[Findings]) -> str:
