@@ -182,8 +182,8 @@ def _outermost(learner: Learner) -> str:
     shares = firing_shares(torch.tensor(edge_rad), centres, 1 / torch.tensor(widths))
     return (
         f"At the edge of what is seen, {edge_rad:g} rad, the fuzzy network's outermost label, of "
-        f"{centres.min():g} rad, has {shares[centres.argmin()]:.0%} of the firing strength; farther "
-        "out it has nearly all. What is learned at the edge is learned for it."
+        f"{centres.min():g} rad, has {shares[centres.argmin()]:.0%} of the firing strength; "
+        "farther out it has nearly all. What is learned at the edge is learned for it."
     )
 
 
