@@ -180,10 +180,11 @@ def _outermost(learner: Learner) -> str:
     centres, seconds = torch.tensor(labels, dtype=torch.float64).T
     widths = [rule_width(float(second), learner.config.value.width) for second in seconds]
     shares = firing_shares(torch.tensor(edge_rad), centres, 1 / torch.tensor(widths))
+    share = float(shares[centres.argmin()])
     return (
-        f"At the edge of what is seen, {edge_rad:g} rad, the fuzzy network's outermost label, of "
-        f"{centres.min():g} rad, has {shares[centres.argmin()]:.0%} of the firing strength; "
-        "farther out it has nearly all. What is learned at the edge is learned for it."
+        f"At the edge of what is seen, {edge_rad:g} rad, the fuzzy network's outermost label, that "
+        f"of {centres.min():g} rad, has {share:.0%} of the firing strength, and farther out nearly "
+        "all of it. What is learned at the edge is learned for what lies beyond."
     )
 
 
