@@ -156,11 +156,6 @@ class Multirun:
         except ValueError as error:
             raise _damaged(error) from error
 
-
-def _damaged(error: ValueError) -> JobFailed:
-    """Of a result file that a finished job left."""
-    return JobFailed(f"{error}; without its summary.json, the job is computed again")
-
     def _log_whole(self) -> None:
         """What the loggers of its jobs have on the sweep as a whole."""
         from fnnq_torchrl.loggers import Loggers, SweepResults
@@ -168,6 +163,11 @@ def _damaged(error: ValueError) -> JobFailed:
         directory = Path(self._config.hydra.sweep.dir).absolute()
         for config in {repr(job.config.logger): job.config.logger for job in self._jobs}.values():
             Loggers(config).log_sweep(SweepResults(directory, len(self._jobs)))
+
+
+def _damaged(error: ValueError) -> JobFailed:
+    """Of a result file that a finished job left."""
+    return JobFailed(f"{error}; without its summary.json, the job is computed again")
 
 
 def _check_directories(jobs: Sequence[SweptJob]) -> None:
