@@ -12,7 +12,7 @@ JAX := benchmarks/.jax
 SB3 := benchmarks/peers/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive test test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation test test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -35,6 +35,10 @@ reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 se
 adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 seeds (SEEDS=22: fewer)
 	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
 	$(BIN)/python -m fnnq_torchrl.adaptive
+
+extrapolation: install  ## docs/extrapolation.md: what value functions do where they have seen nothing
+	for name in value_functions extrapolation; do $(EXPERIMENT) +experiment=$$name || exit; done
+	$(BIN)/python -m fnnq_torchrl.extrapolation
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto

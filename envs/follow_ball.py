@@ -10,7 +10,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import Binary, Bounded, Composite, TensorSpec, Unbounded
 
-from . import ball, kinematics, outcome, streams, vision
+from . import ball, kinematics, outcome, side, streams, vision
 from .pure import WHEN, PureEnv
 from .streams import Stream
 from .world import World
@@ -109,6 +109,8 @@ class FollowBall(PureEnv):
                 (world.ball_speed_min_radps, world.ball_speed_max_radps),
                 self.dtype,
             )
+            if world.start_side != "both":
+                angle_rad = side.mirrored(angle_rad, self._side(episode))
         else:
             angle_rad, speed_radps = situations.clone().split(1, -1)
         pose = {key: torch.zeros_like(angle_rad) for key in ("x_m", "y_m", "heading_rad")}
@@ -116,7 +118,7 @@ class FollowBall(PureEnv):
         when = {"seed": seed, "episode": episode, "step": torch.zeros_like(episode)}
         state = pose | rolling | when
         # From the circle's centre, a ball at φ is seen in the direction φ.
-        state["bearing"] = self._look(angle_rad, 0, words[2:])
+        state["bearing"] = self._look(angle_rad, 0, words[2:], episode)
         state["chance"] = streams.spare_uniform((words[0], words[2], words[3]), self.dtype)
         return self.pack(state)
 
@@ -140,7 +142,9 @@ class FollowBall(PureEnv):
         ball_x_m, ball_y_m = ball.position(state["ball_angle_rad"], world.circle_radius_m)
         east_m, north_m = ball_x_m - state["x_m"], ball_y_m - state["y_m"]
         direction_rad = torch.atan2(north_m, east_m)
-        state["bearing"] = self._look(direction_rad, state["heading_rad"], words[:2])
+        state["bearing"] = self._look(
+            direction_rad, state["heading_rad"], words[:2], state["episode"]
+        )
         state["chance"] = streams.uniform(words[2], self.dtype)
         state["reward"], state["terminated"] = outcome.judge(
             east_m,
@@ -159,8 +163,16 @@ class FollowBall(PureEnv):
         direction_rad: Tensor,
         heading_rad: Tensor | float,
         noise_words: tuple[Tensor, Tensor],
+        episode: Tensor,
     ) -> Tensor:
         """The bearing of a ball in that direction, as seen."""
-        noise_rad = self.world.bearing_noise_rad * streams.normal(*noise_words, self.dtype)
-        view_rad = self.world.field_of_view_rad
-        return vision.bearing(direction_rad, heading_rad, noise_rad, view_rad)
+        world = self.world
+        noise_rad = world.bearing_noise_rad * streams.normal(*noise_words, self.dtype)
+        seen_rad = vision.bearing(direction_rad, heading_rad, noise_rad, world.field_of_view_rad)
+        if world.start_side == "both":
+            return seen_rad
+        return side.clipped(seen_rad, self._side(episode), world.other_view_rad)
+
+    def _side(self, episode: Tensor) -> Tensor | float:
+        world = self.world
+        return side.sign(episode, world.start_side, world.switch_side_after, self.dtype)

@@ -14,6 +14,9 @@ BATCHABLE = (*PER_RUN, "num_seeds")
 ASIDE = ("resume", "checkpoint", "logger")
 """The keys on which no result depends: how training is saved and gone on with, and its loggers."""
 
+SNAPSHOTS = "snapshots.pt"
+"""The file with the weights of all evaluations, which a job leaves if it is to."""
+
 
 @dataclass(frozen=True)
 class Job:

@@ -1,6 +1,5 @@
 """The learned weights on disk: plain tensors and plain values, which can run no code."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from fnnq_torchrl.plain import read_plain, write_plain
+from fnnq_torchrl.plain import plain_values, plain_weights, read_plain, write_plain
 
 FORMAT = 1
 
@@ -71,21 +70,13 @@ def save_checkpoint(
         ValueError: a tensor has not the runs as its first dimension.
         TypeError: ``config`` holds something else than plain values.
     """
-    if isinstance(weights, TensorDictBase):
-        weights = weights.flatten_keys(".").to_dict()
     checkpoint = Checkpoint(
-        weights={name: _own_copy(weight) for name, weight in weights.items()},
+        weights=plain_weights(weights),
         seed=torch.from_numpy(np.array(seed, dtype=np.int64)),
         lam=torch.from_numpy(np.array(lam, dtype=np.float64)),
-        # Fails here and now on a value that could be written but, being no plain one, not loaded.
-        config=json.loads(json.dumps(config)),
+        config=plain_values(config),
     )
     write_plain(path, FORMAT, vars(checkpoint))
-
-
-def _own_copy(tensor: Tensor) -> Tensor:
-    """Copy to contiguous memory on the CPU: a mere view would be saved with all that it views."""
-    return tensor.detach().to("cpu").clone(memory_format=torch.contiguous_format)
 
 
 def load_checkpoint(path: Path) -> Checkpoint:

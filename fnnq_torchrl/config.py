@@ -25,6 +25,7 @@ from envs.ranges import (
     Parameters,
     allowed,
     check,
+    flag,
     matching,
     number,
     one_of,
@@ -107,9 +108,10 @@ class EvaluationConfig(Parameters):
 
 @dataclass
 class CheckpointConfig(Parameters):
-    """When a training that isn't finished is saved."""
+    """When a training that isn't finished is saved, and what is kept of one that is."""
 
     every_s: float = number(above=0)
+    snapshots: bool = flag()
 
 
 @dataclass(kw_only=True)

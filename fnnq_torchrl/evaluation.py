@@ -9,7 +9,6 @@ from torch import Tensor
 from envs.follow_ball import FollowBall
 from envs.world import World
 from fnnq_torchrl.engine import Engine
-from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.loops import Step
 from fnnq_torchrl.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.program import act
@@ -27,10 +26,13 @@ class Playing:
 
     Args:
         value_network: whose weights the snapshots replace.
-        world: the learning world's parameters: same time limit, same sensor.
+        world: in which to play.
         situations: starts of the ball (φ₀, ω_b), in rad and rad/s, ``[situations, 2]``.
         seed: the runs' seeds, int64 ``[runs, 1]``.
-        ledger: has the snapshots, and what they have played so far; kept up to date.
+        weights: the snapshots, by the network's names, batch size ``[evaluations, runs]``.
+        played: which situations each has played so far, bool ``[evaluations, runs, situations]``;
+            kept up to date.
+        catches: how many of them it has caught, int64 ``[evaluations, runs]``; kept up to date.
         engine: makes the loop, for ``lanes``.
         lanes: how many situations are played side by side.
         on_progress: is told how many situations, of all snapshots together, are played.
@@ -42,19 +44,21 @@ class Playing:
         world: World,
         situations: Tensor,
         seed: Tensor,
-        ledger: Ledger,
+        weights: TensorDictBase,
+        played: Tensor,
+        catches: Tensor,
         engine: Engine,
         lanes: int,
         on_progress: Callable[[int], None],
     ) -> None:
-        evaluations, self._runs = ledger.catches.shape
+        evaluations, self._runs = catches.shape
         self._policy = EpsilonGreedyPolicy(value_network, epsilon=0.0)
         self._world, self._situations = world, situations
         self._env = self._make_env(lanes)
-        self._weights = ledger.book.pages["weights"].view(evaluations * self._runs)
+        self._weights = weights.view(evaluations * self._runs)
         self._seed = seed
-        self._played, self._catches = ledger.played.view(-1), ledger.catches.view(-1)
-        self._done, self._on_progress = int(ledger.played.sum()), on_progress
+        self._played, self._catches = played.view(-1), catches.view(-1)
+        self._done, self._on_progress = int(played.sum()), on_progress
         self.steps = world.time_limit_steps
         example = self.begin(torch.zeros(lanes, dtype=torch.int64))
         self.loop = engine.make_loop(self._make_step, *example)

@@ -8,10 +8,10 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from fnnq_torchrl.config import ConfigError, to_config
+from fnnq_torchrl.config import Config, ConfigError, to_config
 from fnnq_torchrl.results import Evaluations, read_evaluations
 
-HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s")
+HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s", "checkpoint.snapshots")
 """Keys that don't change what is computed."""
 
 
@@ -21,10 +21,19 @@ class NoResults(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A job's configuration, by its keys with their groups, and its evaluations."""
+    """A job: its configuration by its keys with their groups, and what it has left.
+
+    Attributes:
+        settings: what has a say in the results, by keys such as ``env.speed_mps``.
+        evaluations: all of them.
+        config: the whole configuration.
+        directory: where the job's files are.
+    """
 
     settings: dict[str, Any]
     evaluations: Evaluations
+    config: Config
+    directory: Path
 
     @property
     def best(self) -> int:
@@ -155,7 +164,8 @@ def _read_job(directory: Path) -> Job:
         raise ValueError(f"{path}: {error}") from error
     settings = asdict(config)
     del settings["logger"]  # which has other keys for each choice, and no say in the results
-    return Job(dict(_flat(settings)), read_evaluations(directory / "evaluations.csv"))
+    evaluations = read_evaluations(directory / "evaluations.csv")
+    return Job(dict(_flat(settings)), evaluations, config, directory)
 
 
 def _flat(settings: Mapping[Any, Any], group: str = "") -> list[tuple[str, Any]]:

@@ -11,7 +11,7 @@ import torch
 from tensordict import TensorDictBase
 
 from fnnq_torchrl.atomic import clear_leftovers
-from fnnq_torchrl.batches import Job, as_one
+from fnnq_torchrl.batches import SNAPSHOTS, Job, as_one
 from fnnq_torchrl.checkpoint import save_checkpoint
 from fnnq_torchrl.config import Config, ConfigError, OutOfRange
 from fnnq_torchrl.engine import choose, make_engine
@@ -23,6 +23,7 @@ from fnnq_torchrl.memory import check_memory
 from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
 from fnnq_torchrl.saved import NAME, SavedTraining
+from fnnq_torchrl.snapshot_file import save_snapshots
 from fnnq_torchrl.trainer import Trainer
 
 _WRITERS = 8
@@ -35,8 +36,9 @@ _NAMED = 5
 def run_job(config: Config, directory: Path) -> float:
     """Train all runs of a job and say what came of it.
 
-    Leaves ``checkpoint.pt``, ``evaluations.csv``, ``learning_curve.png`` and, last of all,
-    ``summary.json`` in the directory, and a table on the screen.
+    Leaves ``checkpoint.pt``, ``snapshots.pt`` if it is to, ``evaluations.csv``,
+    ``learning_curve.png`` and, last of all, ``summary.json`` in the directory, and a table on the
+    screen.
 
     Returns:
         The objective, the mean score over the runs.
@@ -150,7 +152,7 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
         job, (begin, end) = job_and_bounds
         runs = slice(begin, end)
         try:
-            return _write(job, outcome.of(runs), trainer.weights[runs], pictures)
+            return _write(job, outcome.of(runs), trainer.ledger.book.pages[:, runs], pictures)
         except OSError as error:
             return error
 
@@ -194,13 +196,17 @@ def _train(trainer: Trainer, saved: SavedTraining) -> Outcome:
     return outcome
 
 
-def _write(job: Job, outcome: Outcome, weights: TensorDictBase, pictures: bool) -> float:
+def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) -> float:
     directory, config = job.directory, job.config
     evaluations = directory / "evaluations.csv"
-    (directory / "summary.json").unlink(missing_ok=True)  # an earlier one isn't of these files
+    for name in ("summary.json", SNAPSHOTS):  # an earlier one isn't of these files
+        (directory / name).unlink(missing_ok=True)
     settings = asdict(config)
     del settings["logger"]  # which has no say in the weights, and may not be there where they go
-    save_checkpoint(directory / "checkpoint.pt", weights, outcome.seed, outcome.lam, settings)
+    weights, runs = pages["weights"], (outcome.seed, outcome.lam, settings)
+    save_checkpoint(directory / "checkpoint.pt", weights[-1], *runs)
+    if config.checkpoint.snapshots:
+        save_snapshots(directory / SNAPSHOTS, weights, outcome.situations, *runs)
     write_evaluations(evaluations, outcome)
     if pictures:
         picture = directory / "learning_curve.png"

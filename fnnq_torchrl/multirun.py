@@ -18,7 +18,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from fnnq_torchrl.atomic import atomic_write
-from fnnq_torchrl.batches import ASIDE, BATCHABLE, Job
+from fnnq_torchrl.batches import ASIDE, BATCHABLE, SNAPSHOTS, Job
 from fnnq_torchrl.compose import explain, is_of_hydra, key_of
 from fnnq_torchrl.config import ConfigError, to_config
 
@@ -139,6 +139,8 @@ class SweptJob:
         except FileNotFoundError:
             return False
         if saved != self.configuration().encode() and not self._is_same(saved):
+            return False
+        if self.config.checkpoint.snapshots and not (self.directory / SNAPSHOTS).exists():
             return False
         return (self.directory / "summary.json").exists()  # the last file that a job writes
 

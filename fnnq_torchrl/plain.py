@@ -1,11 +1,15 @@
 """Files of plain tensors and plain values, which can run no code."""
 
 import io
+import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
 
 import torch
+from tensordict import TensorDictBase
+from torch import Tensor
 
 from fnnq_torchrl.atomic import atomic_write
 
@@ -56,3 +60,29 @@ def read_plain(path: Path, form: int, what: str) -> dict[str, Any]:
         kind = what.split()[-1]
         raise ValueError(f"{path} has {kind} format {version}, and this program reads {form}")
     return content
+
+
+def plain_weights(weights: TensorDictBase | Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Copies of tensors by name, each in contiguous memory of its own on the CPU.
+
+    A mere view would be saved with all that it views.
+
+    Args:
+        weights: of any layout and on any device; a nested TensorDict's names are joined by dots.
+    """
+    if isinstance(weights, TensorDictBase):
+        weights = weights.flatten_keys(".").to_dict()
+    return {
+        name: weight.detach().to("cpu").clone(memory_format=torch.contiguous_format)
+        for name, weight in weights.items()
+    }
+
+
+def plain_values(values: dict[str, Any]) -> dict[str, Any]:
+    """The same values, of what a JSON file can hold.
+
+    Raises:
+        TypeError: one is no such value, and could be written but not loaded.
+    """
+    plain: dict[str, Any] = json.loads(json.dumps(values))
+    return plain

@@ -121,10 +121,12 @@ class Trainer:
             with ledger.timed("compile"):
                 playing = Playing(
                     self._value_network(runs=1),
-                    config.env,
+                    config.env.on_both_sides(),
                     tests,
                     self.run["seed"],
-                    ledger,
+                    ledger.book.pages["weights"],
+                    ledger.played,
+                    ledger.catches,
                     engine,
                     lanes,
                     on_progress,

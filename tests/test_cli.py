@@ -37,7 +37,7 @@ MISTAKES = {
     "window=0": "window=0: must be a whole number >= 1",
     "temperature=0": "temperature=0.0: must be a number in (0, inf)",
     "engine=foo": "engine=foo: must be auto, eager or compiled",
-    "value=nope": "value=nope: must be fnnq",
+    "value=nope": "value=nope: must be fnnq or mlp or rbf or table or tiles",
     "env.speed_mps=-1": "env.speed_mps=-1.0: must be a number in (0, inf)",
     "env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
     "+env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",

@@ -2,13 +2,13 @@ from collections.abc import Callable
 
 import pytest
 import torch
+from tensordict import TensorDict
 from torch import Tensor
 
 from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.config import PER_RUN, Config
+from fnnq_torchrl.config import Config
 from fnnq_torchrl.engine import make_engine
 from fnnq_torchrl.evaluation import FIRST_EPISODE, Playing
-from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.values import ValueNetwork, make_value_network
 from fnnq_torchrl.work import work_through
 
@@ -35,22 +35,22 @@ def play(
     evaluations, runs = weights.shape[:2]
     situations = torch.tensor(settings.evaluation.situations, dtype=torch.float64)
     seeds = torch.arange(first_seed, first_seed + runs)
-    columns = {key: [0.0] * runs for key in PER_RUN} | {"seed": seeds.tolist()}
-    ledger = Ledger(columns, {"weight": weights[0]}, 5, evaluations, len(situations))
-    ledger.book.pages["weights", "weight"] = weights
+    catches = torch.zeros(evaluations, runs, dtype=torch.int64)
     with torch.no_grad():
         playing = Playing(
             network or make_value_network(settings.value, CANDIDATES, runs=1),
             settings.env,
             situations,
             seeds.unsqueeze(-1),
-            ledger,
+            TensorDict({"weight": weights}, [evaluations, runs]),
+            torch.zeros(evaluations, runs, len(situations), dtype=torch.bool),
+            catches,
             make_engine("eager", torch.device("cpu")),
             lanes,
             on_progress,
         )
     work_through(playing, playing.jobs, lanes, workers=1)
-    return ledger.catches
+    return catches
 
 
 def test_evaluations_draw_where_learning_never_comes() -> None:

@@ -49,6 +49,7 @@ FLOORS = {
     "fnnq_torchrl.engine": 3,
     "fnnq_torchrl.evaluation": 3,
     "fnnq_torchrl.experiments": 3,
+    "fnnq_torchrl.extrapolation": 3,
     "fnnq_torchrl.figures": 3,
     "fnnq_torchrl.measures": 3,
     "fnnq_torchrl.inductor": 3,
@@ -63,6 +64,7 @@ FLOORS = {
     "fnnq_torchrl.report": 3,
     "fnnq_torchrl.saved": 3,
     "fnnq_torchrl.reproduction": 3,
+    "fnnq_torchrl.snapshot_file": 3,
     "fnnq_torchrl.snapshots": 3,
     "fnnq_torchrl.sweep": 3,
     "fnnq_torchrl.trainer": 3,
@@ -70,6 +72,7 @@ FLOORS = {
     "fnnq_torchrl.adaptive.__main__": 4,
     "fnnq_torchrl.cli": 4,
     "fnnq_torchrl.compose": 4,
+    "fnnq_torchrl.extrapolation.__main__": 4,
     "fnnq_torchrl.figures.__main__": 4,
     "fnnq_torchrl.reproduction.__main__": 4,
     "fnnq_torchrl.flags": 4,
@@ -85,7 +88,8 @@ ONLY_IN = {
     "matplotlib": {
         f"fnnq_torchrl.figures{module}"
         for module in ("", ".curves", ".dots", ".gallery", ".lines", ".readings", ".style")
-    },
+    }
+    | {"fnnq_torchrl.extrapolation.pictures"},
     "submitit": {"fnnq_torchrl.cluster"},
     "mlflow": {"fnnq_torchrl.loggers.mlflow"},
     "PIL": {"fnnq_torchrl.loggers.tensorboard"},

@@ -94,6 +94,19 @@ def test_the_keeper_tries_again_after_a_save_that_failed(order: bool) -> None:
     assert attempts == 2
 
 
+def test_a_save_that_failed_is_no_save_to_the_keeper() -> None:
+    def save(hands: object) -> None:
+        raise FULL
+
+    with Interruptions(1e9) as work:
+        keeper = HandsKeeper(work, save)
+        os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(Lost):
+            keeper.visit(0, torch.tensor([-1]), TensorDict(batch_size=[1]))
+        with pytest.raises(Lost):
+            keeper.finish()
+
+
 def test_an_order_to_end_is_obeyed_when_nothing_can_be_saved() -> None:
     with Interruptions(1e9) as work:
         os.kill(os.getpid(), signal.SIGTERM)

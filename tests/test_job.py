@@ -26,6 +26,7 @@ from fnnq_torchrl.interruptions import Interrupted, Lost
 from fnnq_torchrl.job import run_batches, run_job
 from fnnq_torchrl.results import read_evaluations
 from fnnq_torchrl.saved import SavedTraining
+from fnnq_torchrl.snapshot_file import load_snapshots
 from fnnq_torchrl.trainer import Trainer
 from fnnq_torchrl.value_config import VALUES, LabelsConfig
 from fnnq_torchrl.values import make_value_network
@@ -53,6 +54,22 @@ def test_a_job_leaves_its_files_and_says_where(tmp_path, capsys):
     assert checkpoint.weights["weight"].abs().sum() > 0
     assert checkpoint.config["situations"] == 10
     assert "learning_curve.png" in capsys.readouterr().out
+
+
+def test_a_job_leaves_its_snapshots_if_it_is_to(tmp_path):
+    config = load_config("seed=3", "num_seeds=2", "situations=10", "checkpoint.snapshots=true")
+    run_job(config, tmp_path)
+    snapshots = load_snapshots(tmp_path / "snapshots.pt")
+    assert snapshots.situations.tolist() == [0, 5, 10]
+    assert snapshots.seed.tolist() == [3, 4]
+    assert snapshots.weights["weight"].shape == (3, 2, 5, 4)
+    assert snapshots.weights["weight"][0].eq(0).all()
+    last = load_checkpoint(tmp_path / "checkpoint.pt").weights["weight"]
+    assert snapshots.weights["weight"][-1].equal(last)
+    assert snapshots.config["checkpoint"]["snapshots"]
+
+    run_job(replace(config, checkpoint=replace(config.checkpoint, snapshots=False)), tmp_path)
+    assert not (tmp_path / "snapshots.pt").exists()  # an earlier one isn't of these files
 
 
 def test_a_job_is_the_same_every_time(tmp_path):
@@ -94,7 +111,7 @@ def test_every_key_of_a_value_function_is_read(monkeypatch, kind):
 
 
 def test_every_key_is_read_by_something(monkeypatch):
-    config = load_config("situations=5")
+    config = load_config("situations=5", "env.start_side=left")
     read = record_keys_read(SCHEMAS, monkeypatch)
     trainer = Trainer(config)
     trainer.learn()

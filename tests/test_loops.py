@@ -363,6 +363,11 @@ def test_it_learns_what_the_eager_engine_learns(
     assert_learned_alike(compile_learning(settings, stays), rtol, atol)
 
 
+def test_it_learns_on_one_side_what_the_eager_engine_learns() -> None:
+    settings = config("env.start_side=left", "env.switch_side_after=2", "env.other_view_rad=0.2")
+    assert_learned_alike(compile_learning(settings, make_runs(settings, LANES)), 1e-4, 1e-5)
+
+
 @pytest.mark.parametrize("step_size", ["obgd", "alpha_bound"])
 def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: str) -> None:
     settings = config(f"step_size={step_size}", "machine.dtype=float64", "lam=0.8")

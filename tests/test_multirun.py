@@ -180,6 +180,17 @@ def test_a_saved_configuration_may_be_saved_otherwise(hydra: Hydra) -> None:
     assert again.is_finished()
 
 
+def test_a_job_without_the_snapshots_that_it_is_to_leave_isnt_finished(hydra: Hydra) -> None:
+    (job,) = hydra.jobs("lam=0.4")
+    job.write_configuration()
+    (job.directory / "summary.json").touch()
+    (again,) = hydra.jobs("lam=0.4 checkpoint.snapshots=true")
+    assert job.is_finished()
+    assert not again.is_finished()
+    (job.directory / "snapshots.pt").touch()
+    assert again.is_finished()
+
+
 @pytest.mark.parametrize("left", ["", "\0\0\0", "lam: [0", "lam"])
 def test_a_configuration_that_a_crash_has_left_is_none(hydra: Hydra, left: str) -> None:
     (job,) = hydra.jobs("lam=0.4")

@@ -14,6 +14,7 @@ from benchmarks.peers.results import (
     NO_TRACE,
     OURS,
     WORDS,
+    at_last,
     read_results,
     write_results,
 )
@@ -112,9 +113,9 @@ def results_with(ours: int, theirs: int) -> dict[str, list[Run]]:
 @pytest.mark.parametrize(
     ("ours", "theirs", "said", "arrives"),
     [
-        (4, 2, "an advantage", "doesn't come to 4 catches on average"),
-        (2, 4, "a disadvantage", "comes to 4 catches on average after 400 steps"),
-        (3, 3, "which may be chance", "doesn't come to 4 catches on average"),
+        (4, 2, "an advantage", "doesn't come to 4 catches on average, or not to stay"),
+        (2, 4, "a disadvantage", "stays at 4 catches on average or above after 400 steps"),
+        (3, 3, "which may be chance", "doesn't come to 4 catches on average, or not to stay"),
     ],
 )
 def test_what_the_page_concludes(ours, theirs, said, arrives):
@@ -127,6 +128,15 @@ def test_what_the_page_concludes(ours, theirs, said, arrives):
     # 12 s against 12 s, and against 24 s of eager steps.
     assert "takes 1.00 times as long" in others[2]
     assert "and 0.500 times as long" in others[2]
+
+
+@pytest.mark.parametrize(
+    ("scores", "place"),
+    [([0, 4, 5], 1), ([5, 3, 4], 2), ([4, 4, 4], 0), ([4, 5, 3], None), ([0, 0, 3], None)],
+)
+def test_good_luck_before_learning_is_no_arrival(scores, place):
+    run = Run(0, [0, 400, 800], [0.0, 1.0, 2.0], scores, {})
+    assert at_last([run], 4) == place
 
 
 def test_the_page_is_written_from_the_results_file(tmp_path):

@@ -54,10 +54,15 @@ def eager_seconds(results: Results) -> NDArray[np.float64]:
     return np.array(results[OURS][0].steps) * run.seconds[-1] / run.steps[-1]
 
 
-def first_at(runs: list[Run], goal: float) -> int | None:
-    """Which evaluation is the first in which the runs catch so many on average, if any."""
-    there = np.flatnonzero(catches(runs).mean(axis=0) >= goal)
-    return int(there[0]) if there.size else None
+def at_last(runs: list[Run], goal: float) -> int | None:
+    """From which evaluation on the runs catch so many on average, to the end, if from any.
+
+    A network may steer well by chance before it has learned anything.
+    """
+    means = catches(runs).mean(axis=0)
+    below = np.flatnonzero(means < goal)
+    place = int(below[-1]) + 1 if below.size else 0
+    return place if place < means.size else None
 
 
 def write_results(path: Path, machine: str, results: Results) -> None:

@@ -30,8 +30,8 @@ in its experiment, with α from {lowest:g} to {highest:g} and {runs:,} seeds eac
 * *ObGD* (Elsayed, Vasan & Mahmood 2024): α, or less in a step that would overshoot, κ = {kappa:g};
 * *α bound* (Dabney & Barto 2012): α, or the largest that would have turned no TD error's sign.
 
-The measure is the {measure}, {meaning}. Brackets are {confidence:g} % bootstrap intervals (BCa);
-differences are of the same seeds. The best α is chosen by the first half of the seeds and judged by
+The measure is the {measure}, {meaning}.
+Brackets are {confidence:g} % bootstrap intervals (BCa); differences are of the same seeds. The best α is chosen by the first half of the seeds and judged by
 the second, lest chance choose. *Over all α* is the mean over the whole range: what an α drawn from
 it is worth, to one who doesn't tune. *Spread* is what lies between the best α and the worst. Fewer
 than {matters} catches, of five, don't matter; that is our choice.

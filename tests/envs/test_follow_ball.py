@@ -7,6 +7,8 @@ from functools import partial
 
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.envs import (
@@ -59,10 +61,15 @@ def steer(env: FollowBall, *steering: float) -> TensorDictBase:
 # -- the world ------------------------------------------------------------------------------------
 
 
+ON_ONE_SIDE = {"start_side": "right", "other_view_rad": 0.2, "switch_side_after": 1}
+
+
 @pytest.mark.parametrize("policy", ["wander", "follow"])
 @pytest.mark.parametrize("situations", [None, [(0.8, 0.1), (-3.0, -0.4), (0.0, 0.0)]])
-def test_it_equals_its_twin(policy, situations, world, request):
+@pytest.mark.parametrize("side", [{}, ON_ONE_SIDE], ids=["both sides", "one side"])
+def test_it_equals_its_twin(policy, situations, side, world, request):
     """Step by step, over several situations, in three runs whose seeds need more than a word."""
+    world = replace(world, **side)
     seeds = torch.tensor([0, 2**32 - 1, 2**40 + 7])
     fixed = None if situations is None else torch.tensor(situations, dtype=torch.float64)
     env = FollowBall(world, [3], situations=fixed, seed=seeds, dtype=torch.float64)
@@ -113,6 +120,47 @@ def test_a_situation_starts_at_the_origin_with_the_balls_own_start(world):
     assert start["step"].eq(0).all()
     # The ball is at the angle φ₀ from the origin, and seen there but for the noise.
     torch.testing.assert_close(start["bearing"][:, 0], situations[:, 0], rtol=0, atol=0.06)
+
+
+SIDES = {"left": 1, "right": -1}
+
+
+@given(
+    side=st.sampled_from([*SIDES]),
+    switch_after=st.integers(0, 5),
+    other_view_rad=st.floats(0, 2),
+    start_angle_rad=st.floats(0, 3),
+)
+def test_situations_on_one_side_are_those_on_both_mirrored(
+    side, switch_after, other_view_rad, start_angle_rad, world
+):
+    world = replace(world, start_angle_rad=start_angle_rad, field_of_view_rad=1.5)
+    on_one = replace(
+        world, start_side=side, switch_side_after=switch_after, other_view_rad=other_view_rad
+    )
+    seed, episode = torch.arange(3).repeat(6), torch.arange(6).repeat_interleave(3)
+    drawn, start = (
+        FollowBall(each, [18], dtype=torch.float64).start(seed.unsqueeze(-1), episode.unsqueeze(-1))
+        for each in (world, on_one)
+    )
+    sign = torch.full((18, 1), float(SIDES[side]))
+    if switch_after:
+        sign[episode >= switch_after] *= -1
+    assert start["ball_angle_rad"].equal(sign * drawn["ball_angle_rad"].abs())
+    assert start["ball_speed_radps"].equal(drawn["ball_speed_radps"])
+    assert (sign * start["bearing"]).min() >= -other_view_rad
+    assert (sign * start["bearing"]).max() <= 1.5
+
+
+def test_on_both_sides_nothing_is_mirrored_or_hidden(world, wander):
+    on_one = replace(world, **ON_ONE_SIDE)
+    assert on_one.on_both_sides() == replace(world, other_view_rad=0.2)
+    whole, hidden = (play(FollowBall(each, [64]), wander, 60) for each in (world, on_one))
+    assert (play(FollowBall(on_one.on_both_sides(), [64]), wander, 60) == whole).all()
+    assert whole["bearing"].min() == -1
+    first = hidden["episode"] < 1
+    assert hidden["bearing"][first].max() == torch.tensor(0.2)
+    assert hidden["bearing"][first].min() == -1
 
 
 @pytest.mark.parametrize("situations", [(0.4, -0.15), [(0.4, -0.15)], [[(0.4, -0.15)] * 3] * 2])

@@ -39,6 +39,8 @@ class FollowBallTwin:
             self.ball_speed_radps = low + (high - low) * uniform(words[1])
             if not anticlockwise:
                 self.ball_speed_radps = -self.ball_speed_radps
+            if world.start_side != "both" and (self.ball_angle_rad > 0) != self._on_left():
+                self.ball_angle_rad = -self.ball_angle_rad
         else:
             self.ball_angle_rad, self.ball_speed_radps = situation
         self.bearing = self._look(words[2], words[3])
@@ -89,8 +91,18 @@ class FollowBallTwin:
         east_m, north_m = self._way_to_ball()
         true_rad = math.remainder(math.atan2(north_m, east_m) - self.heading_rad, math.tau)
         seen_rad = true_rad + self.world.bearing_noise_rad * normal(word, other)
-        edge_rad = self.world.field_of_view_rad
-        return max(-edge_rad, min(edge_rad, seen_rad))
+        left_rad = right_rad = self.world.field_of_view_rad
+        other_rad = min(left_rad, self.world.other_view_rad)
+        if self.world.start_side != "both":
+            left_rad, right_rad = (
+                (left_rad, other_rad) if self._on_left() else (other_rad, left_rad)
+            )
+        return max(-right_rad, min(left_rad, seen_rad))
+
+    def _on_left(self) -> bool:
+        """Whether the situation is one for the left side, where it is one for one side."""
+        switched = 0 < self.world.switch_side_after <= self.episode
+        return (self.world.start_side == "left") != switched
 
 
 def uniform(word: int) -> float:

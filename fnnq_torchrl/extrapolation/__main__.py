@@ -1,0 +1,54 @@
+"""Writes what becomes of Q where nothing was seen: ``python -m fnnq_torchrl.extrapolation``."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from fnnq_torchrl.atomic import atomic_write
+from fnnq_torchrl.experiments import newest_experiment
+from fnnq_torchrl.figures.style import save
+from fnnq_torchrl.report import announce
+
+from .findings import Findings
+from .learners import Learner
+from .page import write_page
+from .pictures import FIGURES
+
+
+def main() -> None:
+    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    parser = argparse.ArgumentParser("python -m fnnq_torchrl.extrapolation", description=__doc__)
+    parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
+    parser.add_argument("--to", type=Path, default=Path("docs"), help="default: docs")
+    arguments = parser.parse_args()
+    try:
+        sweep = newest_experiment(arguments.results, "value_functions")
+        experiment = newest_experiment(arguments.results, "extrapolation")
+        findings = []
+        for job in experiment.jobs:
+            findings.append(Findings.of(Learner.of(job)))
+            announce(f"measured {findings[-1].kind}")
+        write(findings, write_page(findings, sweep), arguments.to)
+    except (OSError, ValueError) as error:
+        sys.exit(str(error))
+    announce(str(arguments.to / "extrapolation.md"))
+
+
+def write(findings: list[Findings], page: str, to: Path) -> None:
+    """Write the page and its figures, as PNG and SVG.
+
+    Raises:
+        OSError: a file can't be written.
+    """
+    pictures = to / "figures"
+    pictures.mkdir(parents=True, exist_ok=True)
+    for name, draw in FIGURES.items():
+        figure = draw({each.kind: each for each in findings})
+        for suffix in (".png", ".svg"):
+            save(figure, (pictures / name).with_suffix(suffix))
+    with atomic_write(to / "extrapolation.md") as file:
+        file.write(page.encode())
+
+
+if __name__ == "__main__":
+    main()

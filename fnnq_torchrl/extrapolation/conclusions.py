@@ -1,0 +1,103 @@
+"""What the intervals say, in sentences."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fnnq_torchrl.reproduction.verdicts import Verdict
+from fnnq_torchrl.stats import Interval, bootstrap_interval, paired_difference
+
+from .findings import Findings
+from .playing import TESTS
+
+MOVES = 0.1
+"""Q that has moved by less than this, per unit of the seen side, has stayed where it was. Ours."""
+
+CATCHES = 0.5
+"""A difference of fewer catches than this, of all tests of a side, is as good as none. Ours."""
+
+
+def above(interval: Interval, bound: float) -> Verdict:
+    """Whether something is more than a bound: the whole of its interval, none of it, or neither."""
+    if interval.low > bound:
+        return Verdict.HOLDS
+    return Verdict.FAILS if interval.high <= bound else Verdict.OPEN
+
+
+def moved(findings: Findings) -> Interval:
+    """Movement on the unseen side, per unit of the seen one."""
+    return bootstrap_interval(np.mean, findings.moved_in(findings.where.unseen))
+
+
+def movement_words(interval: Interval) -> str:
+    """What became of Q where nothing was seen."""
+    if interval.high < MOVES:
+        return "stayed where it was"
+    if interval.low >= 1:
+        return "moved farther than where it learned"
+    if interval.low >= 0.5:
+        return "moved more than half as far as where it learned"
+    if interval.low >= MOVES and interval.high < 0.5:
+        return "moved, but less than half as far as where it learned"
+    return "can't be told closely"
+
+
+def difference_words(interval: Interval, more: str, less: str) -> str:
+    """What a difference in catches comes to."""
+    if interval.low >= CATCHES:
+        return more
+    if interval.high <= -CATCHES:
+        return less
+    if interval.low > -CATCHES and interval.high < CATCHES:
+        return "makes no difference that matters"
+    return "can't be told"
+
+
+def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
+    """The paper's two claims, which of both moves more, and what it is good for; one line each."""
+    local, other = by_kind["fnnq"], by_kind["mlp"]
+    of_local, of_other = moved(local), moved(other)
+    stays = {Verdict.HOLDS: Verdict.FAILS, Verdict.FAILS: Verdict.HOLDS}
+    local_verdict = stays.get(above(of_local, MOVES), Verdict.OPEN)
+    more = paired_difference(
+        other.moved_in(other.where.unseen), local.moved_in(local.where.unseen)
+    ).mean
+    order = {
+        Verdict.HOLDS: "the MLP moves farther",
+        Verdict.FAILS: "the fuzzy network moves farther",
+        Verdict.OPEN: "which moves farther can't be told",
+    }[_order(more)]
+    lines = [
+        f"«The fuzzy network doesn't extrapolate»: **{local_verdict.value}**. Where it had seen "
+        f"nothing its Q {movement_words(of_local)}: {words(of_local)}.",
+        f"«The MLP does»: **{above(of_other, MOVES).value}**. Its Q {movement_words(of_other)}: "
+        f"{words(of_other)}.",
+        f"Of the two, {order}: MLP − fuzzy network {words(more, signed=True)} per unit of the "
+        "seen side, by pairs of seeds.",
+    ]
+    for kind, findings in by_kind.items():
+        helped = bootstrap_interval(np.mean, findings.helped)
+        forgotten = bootstrap_interval(np.mean, findings.forgotten)
+        kept = Interval(-forgotten.value, -forgotten.high, -forgotten.low)
+        lines.append(
+            f"`{kind}`: its Q {movement_words(moved(findings))}. For catching on the unseen side, "
+            f"what it learned on the other {difference_words(helped, 'helps', 'hurts')} "
+            f"({words(helped, signed=True)} catches of {TESTS}); for catching on the first, "
+            f"learning on the second {difference_words(kept, 'helps', 'hurts: it forgets')} "
+            f"({words(kept, signed=True)})."
+        )
+    return lines
+
+
+def words(interval: Interval, signed: bool = False) -> str:
+    """A number with its interval, where it has one."""
+    value, low, high = interval
+    sign = "+" if signed else ""
+    bounds = f" [{low:{sign}.2f}, {high:{sign}.2f}]" if np.isfinite(low) else ""
+    return f"{value:{sign}.2f}{bounds}"
+
+
+def _order(difference: Interval) -> Verdict:
+    if difference.low > 0:
+        return Verdict.HOLDS
+    return Verdict.FAILS if difference.high < 0 else Verdict.OPEN

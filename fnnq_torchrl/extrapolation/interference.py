@@ -1,0 +1,70 @@
+"""How far one update at a state moves Q at others."""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from .learners import Learner, Weights
+
+SPACING_RAD = 0.05
+FARTHEST_RAD = 1.0
+"""Distances are looked at from 0 to this, in steps of the spacing."""
+
+Numbers = NDArray[np.float64]
+
+
+def distances() -> Numbers:
+    """|s − s′| in rad, ``[distances]``."""
+    return np.linspace(0, FARTHEST_RAD, round(FARTHEST_RAD / SPACING_RAD) + 1)
+
+
+def interference(learner: Learner, page: int, actions: Tensor) -> Numbers:
+    """|ΔQ(s′, a)| / |ΔQ(s, a)| after one update at (s, a), by the distance of s′ from s.
+
+    The update is that of plain Q-learning with an error of one: Δw = α∇Q(s, a). Q is evaluated
+    before and after, so nothing is linearised. s is on a grid over the seen states, s′ on one over
+    the whole field of view.
+
+    Args:
+        learner: whose Q, with the α that it began with.
+        page: the evaluation whose weights are updated.
+        actions: the a to average over.
+
+    Returns:
+        ``[runs, distances]``, the mean over a and over all s and s′ at that distance.
+    """
+    world = learner.config.env
+    view = round(world.field_of_view_rad / SPACING_RAD)
+    other = round(min(world.other_view_rad, world.field_of_view_rad) / SPACING_RAD)
+    places = torch.arange(-view, view + 1)
+    weights = learner.weights(page)
+    steps = len(distances())
+    total, count = np.zeros((learner.runs, steps)), np.zeros(steps)
+    for action in actions:
+        here = action.expand(len(places))
+        before = learner.values(weights, places * SPACING_RAD, here)
+        for place in range(-other, view + 1):
+            updated = _updated(learner, weights, torch.tensor([place * SPACING_RAD]), action)
+            after = learner.values(updated, places * SPACING_RAD, here)
+            moved = (after - before).abs().squeeze(-1).double().numpy()
+            ratio = moved / moved[:, [place + view]]
+            apart = (places - place).abs().numpy()
+            for step in range(steps):
+                there = apart == step
+                total[:, step] += ratio[:, there].sum(axis=1)
+                count[step] += there.sum()
+    mean: Numbers = total / count
+    return mean
+
+
+def _updated(learner: Learner, weights: Weights, bearing_rad: Tensor, action: Tensor) -> Weights:
+    """The weights after one update of every run: w + α∇Q(s, a)."""
+    leaves = {name: weight.clone().requires_grad_() for name, weight in weights.items()}
+    with torch.enable_grad():
+        # No run's Q depends on another's weights: the sum's gradient is each run's own.
+        total = learner.values(leaves, bearing_rad, action.view(1)).sum()
+        slopes = torch.autograd.grad(total, list(leaves.values()))
+    alpha = learner.config.alpha
+    pairs = zip(weights.items(), slopes, strict=True)
+    return {name: weight + alpha * slope for (name, weight), slope in pairs}

@@ -1,0 +1,239 @@
+"""The page itself, in Markdown. Every number in it comes from the results."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from fnnq_torchrl.experiments import Experiment
+from fnnq_torchrl.membership import firing_shares, rule_width
+from fnnq_torchrl.results import CONFIDENCE
+from fnnq_torchrl.stats import bootstrap_interval
+
+from .conclusions import CATCHES, MOVES, conclusions, words
+from .findings import FAR_RAD, INTERFERENCE_AFTER, Findings
+from .learners import Learner
+from .playing import ANGLES_RAD, SPEEDS_RADPS, TESTS
+from .step_sizes import best_steps, step_words
+
+_PAGE = """# Does it extrapolate?
+
+Written by `make extrapolation` from result files; no number here was typed by hand.
+
+The paper says that a local approximator such as its fuzzy neural network doesn't extrapolate into
+parts of the space that it hasn't seen, and that a multilayer perceptron does. It gives no
+experiment. Here is one, over {runs} seeds of each value function.
+
+## In short
+
+{conclusions}
+
+{share}
+
+## What was done
+
+* *Learning on the left.* For {switch} situations the ball starts on the left of straight ahead (φ₀
+  ≥ 0), and the head sees it from {view:g} rad on the left to {other:g} rad on the right: a ball
+  farther to the right is reported at that edge. So no state with Δθ < −{other:g} rad occurs, and
+  the *unseen* side is −{view:g} ≤ Δθ < −{other:g}. The {other:g} rad are about what one step turns
+  the robot by; with less, it can't tell which way it has lost the ball.
+* *Learning on the right.* For {then} more situations all is mirrored: what had been unseen is seen,
+  and the far left is not.
+* *Movement* of Q at a state is √(meanₐ(Q − Q₀)²) over the candidate actions a, Q₀ being Q before
+  learning, per unit of its mean over the seen states (evenly from −{other:g} to {view:g} rad).
+* *Catches* are the greedy policy's, of {tests} tests on each side: φ₀ of {angles} rad on the left,
+  its mirror images on the right, each with ω_b of {speeds} rad/s. In the tests the head sees both
+  sides.
+* *Interference* is |ΔQ(s′, a)|/|ΔQ(s, a)| after a single update of plain Q-learning, with an error
+  of one, at (s, a): s over the seen states, s′ over all, evenly spaced; a of −1, −0.5, 0, 0.5 and
+  1.
+* All else is as by default. Brackets are {confidence:g} % bootstrap intervals (BCa) over the seeds,
+  each of which stands for itself. Q that has moved by less than {moves:g} of the seen side's
+  movement *stayed where it was*, and fewer than {catches:g} catches *don't matter*; both are our
+  choice.
+
+## Step sizes
+
+Each value function has the step size α that was best on the ordinary task, by the mean score of
+five (`+experiment=value_functions`, {sweep_runs} seeds each):
+
+{steps}
+## Q where it was seen and where it was not
+
+![V against the bearing at three moments](figures/extrapolation_values.png)
+
+![Movement of Q against the bearing](figures/extrapolation_movement.png)
+
+{movement}
+{outermost}
+
+«Beyond» is what lies outside the field of view, up to 1.5 rad on either side. The sensor clips what
+it reports at ±{view:g} rad, so these states never occur, in learning or in tests. The last two
+columns are how far the greedy action there is from that at the edge of the view, in units of Δv.
+
+## Catches, and what is forgotten
+
+![Catches on either side at three moments](figures/extrapolation_catches.png)
+
+{caught}
+## Interference
+
+![Interference against the distance of two states](figures/extrapolation_interference.png)
+
+{spread}
+## Was nothing seen?
+
+The side on which the ball starts is not the side on which the robot sees it: it turns past the
+ball. So every fourth snapshot played on from the situation that it was taken before, exploring as
+it had learned, once with the head that it learned with, and once as if the head had seen both
+sides:
+
+{seen}
+"""
+
+
+def write_page(findings: Sequence[Findings], sweep: Experiment) -> str:
+    """The page.
+
+    Args:
+        findings: of each value function.
+        sweep: of their step sizes on the ordinary task.
+
+    Raises:
+        NoResults: the sweep lacks one.
+    """
+    by_kind = {each.kind: each for each in findings}
+    first = findings[0].learner.config
+    return _PAGE.format(
+        runs=min(each.learner.runs for each in findings),
+        conclusions="\n".join(f"* {line}" for line in conclusions(by_kind)),
+        share=_nothing_seen(findings),
+        switch=first.env.switch_side_after,
+        then=first.situations - first.env.switch_side_after,
+        view=first.env.field_of_view_rad,
+        other=first.env.other_view_rad,
+        tests=TESTS,
+        angles=", ".join(f"{angle:g}" for angle in ANGLES_RAD),
+        speeds=" and ".join(f"{speed:g}" for speed in SPEEDS_RADPS),
+        confidence=100 * CONFIDENCE,
+        moves=MOVES,
+        catches=CATCHES,
+        sweep_runs=sweep.runs,
+        steps=_steps([each.learner for each in findings], sweep),
+        movement=_movement(findings),
+        outermost=_outermost(by_kind["fnnq"].learner),
+        caught=_caught(findings),
+        spread=_spread(findings),
+        seen=_seen(findings),
+    )
+
+
+def _nothing_seen(findings: Sequence[Findings]) -> str:
+    most = max(float(each.hidden.max()) for each in findings)
+    right = [float(each.would_see[:, 0].mean()) for each in findings]
+    return (
+        f"Of the states visited while learning on the left, at most {most:.2%} of any run were on "
+        "the unseen side. The sign of φ₀ alone wouldn't have hidden it: with a head that sees both "
+        f"sides, {min(right):.0%} to {max(right):.0%} of the states would have been to the right "
+        "of straight ahead."
+    )
+
+
+def _steps(learners: Iterable[Learner], sweep: Experiment) -> str:
+    best = best_steps(sweep)
+    rows = [step_words(best, learner.kind, learner.config.alpha) for learner in learners]
+    return _table(["", "α here", "best α", "of α from", "its mean score", ""], rows)
+
+
+def _movement(findings: Sequence[Findings]) -> str:
+    rows = [
+        [
+            f"`{each.kind}`",
+            *(
+                _mean(each.moved_in(region))
+                for region in (
+                    each.where.unseen,
+                    each.where.beyond_seen,
+                    each.where.beyond_unseen,
+                )
+            ),
+            *map(_mean, each.beyond.T),
+        ]
+        for each in findings
+    ]
+    head = [
+        "movement per unit of the seen side",
+        "unseen side",
+        "beyond, seen side",
+        "beyond, unseen side",
+        "greedy action beyond, seen side",
+        "unseen side",
+    ]
+    return _table(head, rows)
+
+
+def _outermost(learner: Learner) -> str:
+    """How much of the rules that answer for the unseen side fires at the edge of the seen one."""
+    labels = learner.config.value.inputs["bearing"]
+    edge_rad = -min(learner.config.env.other_view_rad, learner.config.env.field_of_view_rad)
+    centres, seconds = torch.tensor(labels, dtype=torch.float64).T
+    widths = [rule_width(float(second), learner.config.value.width) for second in seconds]
+    shares = firing_shares(torch.tensor(edge_rad), centres, 1 / torch.tensor(widths))
+    return (
+        f"At the edge of what is seen, {edge_rad:g} rad, the fuzzy network's outermost label, of "
+        f"{centres.min():g} rad, has {shares[centres.argmin()]:.0%} of the firing strength; farther "
+        "out it has nearly all. What is learned at the edge is learned for it."
+    )
+
+
+def _caught(findings: Sequence[Findings]) -> str:
+    rows = []
+    for each in findings:
+        of_sides = [_mean(each.caught[:, moment, side]) for side in range(2) for moment in range(3)]
+        changes = [_mean(each.helped, signed=True), _mean(-each.forgotten, signed=True)]
+        rows.append([f"`{each.kind}`", *of_sides, *changes])
+    moments = ("before", "after the left", "after the right")
+    head = [
+        f"catches of {TESTS}",
+        *(f"{side}, {moment}" for side in ("left", "right") for moment in moments),
+        "right: gained on the left",
+        "left: gained on the right",
+    ]
+    return _table(head, rows)
+
+
+def _spread(findings: Sequence[Findings]) -> str:
+    rows = [[f"`{each.kind}`", _mean(each.far)] for each in findings]
+    head = [f"after {INTERFERENCE_AFTER[-1]} situations", f"interference at {FAR_RAD:g} to 1 rad"]
+    return _table(head, rows)
+
+
+def _seen(findings: Sequence[Findings]) -> str:
+    other = findings[0].learner.config.env.other_view_rad
+    rows = [
+        [
+            f"`{each.kind}`",
+            *(
+                f"{share.mean():.1%}"
+                for share in (each.hidden, each.would_see[:, 1], each.would_see[:, 0])
+            ),
+        ]
+        for each in findings
+    ]
+    head = [
+        "share of the states visited",
+        f"Δθ < −{other:g}, as it learned",
+        f"Δθ < −{other:g}, both sides seen",
+        "Δθ < 0, both sides seen",
+    ]
+    return _table(head, rows)
+
+
+def _mean(samples: NDArray[np.float64], signed: bool = False) -> str:
+    return words(bootstrap_interval(np.mean, samples), signed)
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

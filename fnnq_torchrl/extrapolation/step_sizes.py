@@ -1,0 +1,62 @@
+"""Each value function's best step size, from a sweep on the ordinary task."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fnnq_torchrl.experiments import Experiment, NoResults
+from fnnq_torchrl.stats import Interval, bootstrap_interval
+
+
+@dataclass(frozen=True)
+class BestStep:
+    """Of a value function.
+
+    Attributes:
+        alpha: the α of the highest mean score.
+        score: the mean score with it, in catches, and its interval.
+        among: all that were tried, rising.
+    """
+
+    alpha: float
+    score: Interval
+    among: list[float]
+
+    @property
+    def inside(self) -> bool:
+        """Whether it is neither the smallest nor the largest that was tried."""
+        return self.among[0] < self.alpha < self.among[-1]
+
+
+def best_steps(sweep: Experiment) -> dict[str, BestStep]:
+    """The best step size of every value function in a sweep over both, by its kind."""
+    found = {}
+    for kind in sweep.values("value.kind"):
+        jobs = [job for job in sweep.jobs if job.settings["value.kind"] == kind]
+        best = max(jobs, key=lambda job: job.evaluations.mean_score.mean())
+        found[kind] = BestStep(
+            best.settings["alpha"],
+            bootstrap_interval(np.mean, best.evaluations.mean_score),
+            sorted(job.settings["alpha"] for job in jobs),
+        )
+    return found
+
+
+def step_words(found: dict[str, BestStep], kind: str, alpha: float) -> list[str]:
+    """A row on a value function's step size: the one taken, the best, its score, and a remark.
+
+    Raises:
+        NoResults: the sweep hasn't this value function.
+    """
+    if kind not in found:
+        raise NoResults(f"the sweep value_functions has no {kind}")
+    best = found[kind]
+    value, low, high = best.score
+    remarks = []
+    if best.alpha != alpha:
+        remarks.append("not the best of the sweep")
+    if not best.inside:
+        remarks.append("the best is at the sweep's edge")
+    tried = f"{best.among[0]:g} to {best.among[-1]:g}"
+    score = f"{value:.2f} [{low:.2f}, {high:.2f}]"
+    return [f"`{kind}`", f"{alpha:g}", f"{best.alpha:g}", tried, score, "; ".join(remarks)]

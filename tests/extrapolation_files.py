@@ -1,0 +1,65 @@
+"""Result files of the two experiments about extrapolation, of runs that never learned."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from functools import cache
+from pathlib import Path
+
+import torch
+
+from fnnq_torchrl.compose import load_config
+from fnnq_torchrl.config import Config
+from fnnq_torchrl.results import write_evaluations
+from fnnq_torchrl.snapshot_file import save_snapshots
+from fnnq_torchrl.values import make_value_network
+
+from .experiment_files import invented
+from .programs import SMALL_WORLD
+
+RUNS = 4
+SITUATIONS = (0, 5, 50, 200, 400)
+ON_ONE_SIDE = ("env.start_side=left", "env.switch_side_after=200", "env.other_view_rad=0.2")
+
+
+@cache
+def extrapolating(*overrides: str) -> Config:
+    """A configuration of the experiment, in the small world."""
+    common = (f"num_seeds={RUNS}", "situations=400", *ON_ONE_SIDE, *SMALL_WORLD)
+    return load_config(*common, *overrides)
+
+
+def write_job(directory: Path, config: Config, level: float) -> None:
+    """A finished job: its configuration, and invented evaluations."""
+    settings = asdict(config)
+    (directory / ".hydra").mkdir(parents=True)
+    (directory / ".hydra" / "config.yaml").write_text(json.dumps(settings))
+    write_evaluations(directory / "evaluations.csv", invented(settings, level))
+    (directory / "summary.json").write_text("{}")  # says that the job has finished
+
+
+def write_snapshots(directory: Path, config: Config) -> None:
+    """Weights that start as they do, and wander from there."""
+    candidates = torch.linspace(-1, 1, config.action.candidates)
+    seed = torch.arange(RUNS)
+    start = make_value_network(config.value, candidates, 1).start(seed.unsqueeze(-1))
+    generator = torch.Generator().manual_seed(0)
+    weights = {}
+    for name, first in start.items():
+        steps = 0.1 * torch.randn(len(SITUATIONS), *first.shape, generator=generator)
+        steps[0] = 0
+        weights[name] = first + steps.cumsum(0)
+    lam, path = [config.lam] * RUNS, directory / "snapshots.pt"
+    save_snapshots(path, weights, SITUATIONS, seed.tolist(), lam, {"kind": config.value.kind})
+
+
+def write_results(root: Path, kinds: Sequence[str]) -> None:
+    """Both experiments of these value functions, α = 0.1 being the best of 0.05, 0.1, 0.2."""
+    for number, kind in enumerate(kinds):
+        config = extrapolating(f"value={kind}", "alpha=0.1")
+        job = root / "extrapolation" / "2026-01-02_03-04-05" / str(number)
+        write_job(job, config, 4.0)
+        write_snapshots(job, config)
+        for place, alpha in enumerate((0.05, 0.1, 0.2)):
+            job = root / "value_functions" / "2026-01-02_03-04-05" / str(3 * number + place)
+            write_job(job, replace(config, alpha=alpha), 4.5 - abs(alpha - 0.1) * 10)
