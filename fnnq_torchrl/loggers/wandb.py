@@ -222,9 +222,9 @@ def _runs_table(job: JobResults) -> wandb.Table:
 def _table_of(path: Path) -> wandb.Table:
     """A CSV file, its numbers as numbers."""
     with path.open(encoding="utf-8", newline="") as file:
-        columns, *rows = csv.reader(file)
+        header, *rows = csv.reader(file)
     data = [[_number(cell) for cell in row] for row in rows[:_MOST_ROWS]]
-    return wandb.Table(columns=[*columns], data=data, allow_mixed_types=True)
+    return wandb.Table(columns=[*header], data=data, allow_mixed_types=True)
 
 
 def _number(cell: str) -> float | str | None:
