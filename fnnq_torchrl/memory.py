@@ -77,7 +77,7 @@ class Sizes:
     def on_top(self) -> int:
         """Bytes at the end: the list of all situations to play or, later, the rows to write."""
         playing = self.tests * 2 * _NUMBER
-        writing = 4 * _OF_PYTHON  # steps and catches, and their text, read once more for the picture
+        writing = 4 * _OF_PYTHON  # steps, catches, their text, and the picture that is made of it
         saving = self.weights * self.bytes
         return self.runs * self.evaluations * max(playing, writing, saving)
 
