@@ -19,6 +19,7 @@ from fnnq_torchrl.figures.__main__ import main as figures
 from fnnq_torchrl.launcher import Multirun
 from fnnq_torchrl.plain import write_plain
 from fnnq_torchrl.reproduction.__main__ import main as reproduction
+from fnnq_torchrl.saved import FORMAT
 
 from .commands import fnnq_train
 
@@ -47,7 +48,7 @@ def around(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (root / "file").write_text("")
     for job in (root / "another", root / "another" / "0"):
         job.mkdir()
-        write_plain(job / "training.pt", 1, {"identity": "another's", "ledger": {}})
+        write_plain(job / "training.pt", FORMAT, {"identity": "another's", "ledger": {}})
     finished_job(root / "finished" / "0", DAMAGE["nan"])
     for job in (root / "damaged", root / "damaged" / "0"):
         job.mkdir()
@@ -102,7 +103,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train lam=abc": (2, "lam=abc: must be a number in [0, 1]"),
         "train num_seeds=1.5": (2, "num_seeds=1.5: must be a whole number >= 1"),
         "train env=null": (2, "env=null: must be follow_ball"),
-        "train checkpoint=5": (2, "checkpoint=5: must be a mapping of every_s"),
+        "train checkpoint=5": (2, "checkpoint=5: must be a mapping of every_s, snapshots"),
         "train -m lam=0.1,abc": (2, "job 1 (lam=abc): lam=abc: must be a number in [0, 1]"),
         "train -m hydra.sweeper.cases=5": (
             2,

@@ -164,7 +164,7 @@ def test_a_job_that_diverges_is_counted_and_spoils_no_other(
     assert [row["diverged_runs"] for row in summaries] == ["0", "2"]
     assert summaries[1]["mean_score"] == "0.0"
     evaluations = rows(tmp_path / "evaluations.csv")
-    assert {row["alpha"] for row in evaluations if row["diverged"] == "1"} == {"1e30"}
+    assert {row["alpha"] for row in evaluations if row["diverged"] == "1"} == {"1e+30"}
 
 
 def test_a_file_that_cant_be_written_fails_its_own_job_and_the_last(

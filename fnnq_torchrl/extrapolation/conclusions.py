@@ -39,7 +39,7 @@ def movement_words(interval: Interval) -> str:
         return "moved more than half as far as where it learned"
     if interval.low >= MOVES and interval.high < 0.5:
         return "moved, but less than half as far as where it learned"
-    return "can't be told closely"
+    return "moved, by how much can't be told"
 
 
 def difference_words(interval: Interval, more: str, less: str) -> str:
@@ -50,7 +50,7 @@ def difference_words(interval: Interval, more: str, less: str) -> str:
         return less
     if interval.low > -CATCHES and interval.high < CATCHES:
         return "makes no difference that matters"
-    return "can't be told"
+    return "makes a difference that can't be told"
 
 
 def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
@@ -93,8 +93,8 @@ def words(interval: Interval, signed: bool = False) -> str:
     """A number with its interval, where it has one."""
     value, low, high = interval
     sign = "+" if signed else ""
-    bounds = f" [{low:{sign}.2f}, {high:{sign}.2f}]" if np.isfinite(low) else ""
-    return f"{value:{sign}.2f}{bounds}"
+    bounds = f" [{low:{sign}z.2f}, {high:{sign}z.2f}]" if np.isfinite(low) else ""
+    return f"{value:{sign}z.2f}{bounds}"
 
 
 def _order(difference: Interval) -> Verdict:
