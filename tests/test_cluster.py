@@ -88,5 +88,5 @@ def test_a_task_that_timed_out_too_often_ends_badly(tmp_path: Path) -> None:
 def summary() -> dict[str, object]:
     from fnnq_torchrl.results import Summary
 
-    numbers = {int: 1, list[float]: [1.0]}
+    numbers = {int: 1, list[float]: [1.0], list[float] | None: None}
     return {key: numbers.get(of, 1.0) for key, of in get_type_hints(Summary).items()}

@@ -39,7 +39,7 @@ def movement_words(interval: Interval) -> str:
         return "moved more than half as far as where it learned"
     if interval.low >= MOVES and interval.high < 0.5:
         return "moved, but less than half as far as where it learned"
-    return "moved, by how much can't be told"
+    return "may have moved or not" if interval.low < MOVES else "moved, by how much can't be told"
 
 
 def difference_words(interval: Interval, more: str, less: str) -> str:
@@ -50,7 +50,7 @@ def difference_words(interval: Interval, more: str, less: str) -> str:
         return less
     if interval.low > -CATCHES and interval.high < CATCHES:
         return "makes no difference that matters"
-    return "makes a difference that can't be told"
+    return "may make a difference or not"
 
 
 def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
@@ -66,7 +66,7 @@ def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
         Verdict.HOLDS: "the MLP moves farther",
         Verdict.FAILS: "the fuzzy network moves farther",
         Verdict.OPEN: "which moves farther can't be told",
-    }[_order(more)]
+    }[above(more, 0)]
     lines = [
         f"«The fuzzy network doesn't extrapolate»: **{local_verdict.value}**. Where it had seen "
         f"nothing its Q {movement_words(of_local)}: {words(of_local)}.",
@@ -95,9 +95,3 @@ def words(interval: Interval, signed: bool = False) -> str:
     sign = "+" if signed else ""
     bounds = f" [{low:{sign}z.2f}, {high:{sign}z.2f}]" if np.isfinite(low) else ""
     return f"{value:{sign}z.2f}{bounds}"
-
-
-def _order(difference: Interval) -> Verdict:
-    if difference.low > 0:
-        return Verdict.HOLDS
-    return Verdict.FAILS if difference.high < 0 else Verdict.OPEN
