@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 
@@ -18,9 +19,10 @@ TINY = ("env.time_limit_steps=4", "situations=5", "engine=eager")
 
 def test_a_sweep_on_this_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     submitit = pytest.importorskip("submitit")
-    sweep = ("lam=0,0.4", "alpha=0.4,1e30", *TINY, f"hydra.sweep.dir={tmp_path}", "-m")
+    (tmp_path / "1" / "evaluations.csv").mkdir(parents=True)  # which fails that job, and the last
+    sweep = ("lam=0,0.4", "alpha=0.4,0.2", *TINY, f"hydra.sweep.dir={tmp_path}", "-m")
     assert fnnq_train("hydra.launcher.cluster=local", *sweep) == 1
-    assert "job 1 (lam=0 alpha=1e+30 " in capsys.readouterr().err
+    assert "job 1 (lam=0 alpha=0.2 " in capsys.readouterr().err
     (task,) = (tmp_path / ".submitit").glob("*_submitted.pkl")
     assert submitit.core.utils.DelayedSubmission.load(task)._timeout_countdown == 100
     finished = [number for number in range(4) if (tmp_path / f"{number}/summary.json").exists()]
@@ -86,4 +88,5 @@ def test_a_task_that_timed_out_too_often_ends_badly(tmp_path: Path) -> None:
 def summary() -> dict[str, object]:
     from fnnq_torchrl.results import Summary
 
-    return dict.fromkeys(Summary.__annotations__, 1.0)
+    numbers = {int: 1, list[float]: [1.0], list[float] | None: None}
+    return {key: numbers.get(of, 1.0) for key, of in get_type_hints(Summary).items()}

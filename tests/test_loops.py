@@ -420,7 +420,8 @@ def test_neither_lanes_nor_workers_matter_to_runs_that_take_turns(batch: Compile
             return loop(stays, state)
 
     def learned(workers: int, order: Tensor) -> TensorDict:
-        blank = dict(program.loss.value_network.named_parameters())
+        start = dict(program.loss.value_network.named_parameters())
+        blank = {name: weight[:1].expand(runs, *weight.shape[1:]) for name, weight in start.items()}
         with torch.no_grad():
             columns = {key: stays[key][order].flatten().tolist() for key in PER_RUN}
             ledger = Ledger(columns, blank, every, evaluations, tests=1)

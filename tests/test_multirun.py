@@ -106,7 +106,10 @@ def test_hydra_composes_once_for_jobs_that_differ_in_numbers(
     hydra.jobs(*[f"lam={lam} seed={seed}" for lam in (0, 0.4) for seed in range(50)])
     assert composed == [["lam=0", "seed=0"]]
     composed.clear()
-    hydra.jobs(*["=0.5 ".join([*PER_RUN[1:], "seed=1"]), "=0.25 ".join([*PER_RUN[1:], "seed=2"])])
+    numbers = [key for key in PER_RUN[1:] if key != "kappa"]
+    hydra.jobs(
+        "=0.5 ".join([*numbers, "kappa=2.5 seed=1"]), "=0.25 ".join([*numbers, "kappa=3 seed=2"])
+    )
     assert len(composed) == 1
 
 

@@ -23,6 +23,8 @@ EXPERIMENTS = {
     "decay_large": 5,
     "adaptive": 4 * 7 * 2,
     "exploration": 3 * 4,
+    "extrapolation": 5,
+    "value_functions": 5 * 5,
     "stream_q": 1,
     "variants": 2 * (3 * 3 + 3),
     "open_choices": 2 * 11,

@@ -156,7 +156,9 @@ def test_an_unknown_activation_is_refused() -> None:
 
 @pytest.mark.parametrize(("sparsity", "zeros"), [(0.0, [0, 0]), (0.5, [1, 4]), (0.9, [1, 7])])
 def test_a_perceptrons_start(sparsity: float, zeros: list[int]) -> None:
-    network = MLPValue(["bearing"], CANDIDATES, widths=[8, 500], sparsity=sparsity)
+    network = MLPValue(
+        ["bearing"], CANDIDATES, widths=[8, 500], activation="relu", sparsity=sparsity
+    )
     start = network.start(torch.tensor([[3], [2**62], [3]]))
     for layer, inputs in enumerate((2, 8)):
         weight = start[f"weight_{layer}"]

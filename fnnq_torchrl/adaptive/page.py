@@ -36,6 +36,7 @@ The best α is chosen by the first half of the seeds and judged by the second, l
 *Over all α* is the mean over the whole range: what an α drawn from it is worth, to one who doesn't
 tune. *Spread* is what lies between the best α and the worst.
 Fewer than {matters} catches, of five, don't matter; that is our choice.
+Of all runs, {diverged:,} diverged; from then on they count as catching nothing.
 
 ![Mean score against α](figures/adaptive.png)
 
@@ -60,6 +61,7 @@ def write_page(experiment: Experiment) -> str:
         meaning=measure.meaning,
         confidence=100 * CONFIDENCE,
         matters=MATTERS,
+        diverged=sum(job.evaluations.diverged_runs for job in experiment.jobs),
         sections="\n".join(_section(experiment, lam) for lam in sorted(experiment.values("lam"))),
     )
 
@@ -95,9 +97,8 @@ def _sentence(schemes: Mapping[str, Scheme], name: str) -> str:
     ours, papers = schemes[name].spread, schemes[PAPERS].spread
     return (
         f"**{value_words(name)}**, against the paper's: each at its best α, it scores "
-        f"{_more_or_less(at_best)}; over all α, {_more_or_less(over_alphas)}. It is "
-        f"{'less' if ours < papers else 'no less'} sensitive to α, with a spread of {ours:.2f} "
-        f"against {papers:.2f} catches."
+        f"{_more_or_less(at_best)}; over all α, {_more_or_less(over_alphas)}. Its "
+        f"spread is {ours:.2f} catches, the paper's {papers:.2f}."
     )
 
 

@@ -39,7 +39,7 @@ def movement_words(interval: Interval) -> str:
         return "moved more than half as far as where it learned"
     if interval.low >= MOVES and interval.high < 0.5:
         return "moved, but less than half as far as where it learned"
-    return "can't be told closely"
+    return "may have moved or not" if interval.low < MOVES else "moved, by how much can't be told"
 
 
 def difference_words(interval: Interval, more: str, less: str) -> str:
@@ -50,7 +50,7 @@ def difference_words(interval: Interval, more: str, less: str) -> str:
         return less
     if interval.low > -CATCHES and interval.high < CATCHES:
         return "makes no difference that matters"
-    return "can't be told"
+    return "may make a difference or not"
 
 
 def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
@@ -66,7 +66,7 @@ def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
         Verdict.HOLDS: "the MLP moves farther",
         Verdict.FAILS: "the fuzzy network moves farther",
         Verdict.OPEN: "which moves farther can't be told",
-    }[_order(more)]
+    }[above(more, 0)]
     lines = [
         f"«The fuzzy network doesn't extrapolate»: **{local_verdict.value}**. Where it had seen "
         f"nothing its Q {movement_words(of_local)}: {words(of_local)}.",
@@ -93,11 +93,5 @@ def words(interval: Interval, signed: bool = False) -> str:
     """A number with its interval, where it has one."""
     value, low, high = interval
     sign = "+" if signed else ""
-    bounds = f" [{low:{sign}.2f}, {high:{sign}.2f}]" if np.isfinite(low) else ""
-    return f"{value:{sign}.2f}{bounds}"
-
-
-def _order(difference: Interval) -> Verdict:
-    if difference.low > 0:
-        return Verdict.HOLDS
-    return Verdict.FAILS if difference.high < 0 else Verdict.OPEN
+    bounds = f" [{low:{sign}z.2f}, {high:{sign}z.2f}]" if np.isfinite(low) else ""
+    return f"{value:{sign}z.2f}{bounds}"

@@ -29,6 +29,7 @@ class Learner:
 
     config: Config
     snapshots: Snapshots
+    diverged_runs: int = 0
 
     def __post_init__(self) -> None:
         world = self.config.env
@@ -50,7 +51,7 @@ class Learner:
         path = job.directory / SNAPSHOTS
         if not path.exists():
             raise NoResults(f"{path} isn't there: checkpoint.snapshots=true leaves it")
-        return cls(job.config, load_snapshots(path))
+        return cls(job.config, load_snapshots(path), job.evaluations.diverged_runs)
 
     @property
     def kind(self) -> str:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fnnq_torchrl.experiments import Experiment
 from fnnq_torchrl.membership import firing_shares, rule_width
+from fnnq_torchrl.reproduction.markdown import table
 from fnnq_torchrl.results import CONFIDENCE
 from fnnq_torchrl.stats import bootstrap_interval
 
@@ -29,6 +30,9 @@ experiment. Here is one, over {runs} seeds of each value function.
 
 {conclusions}
 
+{outermost} So what counts as seen decides much here: these labels are wider than the border is
+sharp.
+
 {share}
 
 ## What was done
@@ -39,15 +43,16 @@ experiment. Here is one, over {runs} seeds of each value function.
   the *unseen* side is −{view:g} ≤ Δθ < −{other:g}. The {other:g} rad are about what one step turns
   the robot by; with less, it can't tell which way it has lost the ball.
 * *Learning on the right.* For {then} more situations all is mirrored: what had been unseen is seen,
-  and the far left is not.
+  and the far left is not. α isn't set back: × {decay:g} a catch, it is down to {decayed:.2g} of its
+  start after {switch} catches, so less is learned here, and forgotten, than might be.
 * *Movement* of Q at a state is √(meanₐ(Q − Q₀)²) over the candidate actions a, Q₀ being Q before
   learning, per unit of its mean over the seen states (evenly from −{other:g} to {view:g} rad).
 * *Catches* are the greedy policy's, of {tests} tests on each side: φ₀ of {angles} rad on the left,
   its mirror images on the right, each with ω_b of {speeds} rad/s. In the tests the head sees both
   sides.
 * *Interference* is |ΔQ(s′, a)|/|ΔQ(s, a)| after a single update of plain Q-learning, with an error
-  of one, at (s, a): s over the seen states, s′ over all, evenly spaced; a of −1, −0.5, 0, 0.5 and
-  1.
+  of one and the α of the start, at (s, a): s over the seen states, s′ over all, evenly spaced; a of
+  −1, −0.5, 0, 0.5 and 1.
 * All else is as by default. Brackets are {confidence:g} % bootstrap intervals (BCa) over the seeds,
   each of which stands for itself. Q that has moved by less than {moves:g} of the seen side's
   movement *stayed where it was*, and fewer than {catches:g} catches *don't matter*; both are our
@@ -59,6 +64,8 @@ Each value function has the step size α that was best on the ordinary task, by 
 five (`+experiment=value_functions`, {sweep_runs} seeds each):
 
 {steps}
+{diverged}
+
 ## Q where it was seen and where it was not
 
 ![V against the bearing at three moments](figures/extrapolation_values.png)
@@ -66,8 +73,6 @@ five (`+experiment=value_functions`, {sweep_runs} seeds each):
 ![Movement of Q against the bearing](figures/extrapolation_movement.png)
 
 {movement}
-{outermost}
-
 «Beyond» is what lies outside the field of view, up to 1.5 rad on either side. The sensor clips what
 it reports at ±{view:g} rad, so these states never occur, in learning or in tests. The last two
 columns are how far the greedy action there is from that at the edge of the view, in units of Δv.
@@ -121,6 +126,9 @@ def write_page(findings: Sequence[Findings], sweep: Experiment) -> str:
         catches=CATCHES,
         sweep_runs=sweep.runs,
         steps=_steps([each.learner for each in findings], sweep),
+        diverged=_diverged(findings, sweep),
+        decay=first.alpha_decay,
+        decayed=first.alpha_decay**first.env.switch_side_after,
         movement=_movement(findings),
         outermost=_outermost(by_kind["fnnq"].learner),
         caught=_caught(findings),
@@ -133,17 +141,26 @@ def _nothing_seen(findings: Sequence[Findings]) -> str:
     most = max(float(each.hidden.max()) for each in findings)
     right = [float(each.would_see[:, 0].mean()) for each in findings]
     return (
-        f"Of the states visited while learning on the left, at most {most:.2%} of any run were on "
-        "the unseen side. The sign of φ₀ alone wouldn't have hidden it: with a head that sees both "
-        f"sides, {min(right):.0%} to {max(right):.0%} of the states would have been to the right "
-        "of straight ahead."
+        f"A check: of the states visited while learning on the left, {most:.2%} of any run at most "
+        "were on the unseen side. The sign of φ₀ alone wouldn't have hidden it: with a head that "
+        f"sees both sides, {min(right):.0%} to {max(right):.0%} of the states would have been to "
+        "the right of straight ahead."
     )
 
 
 def _steps(learners: Iterable[Learner], sweep: Experiment) -> str:
     best = best_steps(sweep)
     rows = [step_words(best, learner.kind, learner.config.alpha) for learner in learners]
-    return _table(["", "α here", "best α", "of α from", "its mean score", ""], rows)
+    return table(["", "α here", "best α", "of α from", "its mean score", ""], rows)
+
+
+def _diverged(findings: Sequence[Findings], sweep: Experiment) -> str:
+    here = sum(each.learner.diverged_runs for each in findings)
+    there = sum(job.evaluations.diverged_runs for job in sweep.jobs)
+    return (
+        "Runs that diverged, which count as catching nothing from then on: "
+        f"{here} in what follows, {there} in the sweep."
+    )
 
 
 def _movement(findings: Sequence[Findings]) -> str:
@@ -170,7 +187,7 @@ def _movement(findings: Sequence[Findings]) -> str:
         "greedy action beyond, seen side",
         "unseen side",
     ]
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def _outermost(learner: Learner) -> str:
@@ -201,13 +218,13 @@ def _caught(findings: Sequence[Findings]) -> str:
         "right: gained on the left",
         "left: gained on the right",
     ]
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def _spread(findings: Sequence[Findings]) -> str:
     rows = [[f"`{each.kind}`", _mean(each.far)] for each in findings]
     head = [f"after {INTERFERENCE_AFTER[-1]} situations", f"interference at {FAR_RAD:g} to 1 rad"]
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def _seen(findings: Sequence[Findings]) -> str:
@@ -228,13 +245,8 @@ def _seen(findings: Sequence[Findings]) -> str:
         f"Δθ < −{other:g}, both sides seen",
         "Δθ < 0, both sides seen",
     ]
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def _mean(samples: NDArray[np.float64], signed: bool = False) -> str:
     return words(bootstrap_interval(np.mean, samples), signed)
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -23,16 +23,19 @@ class ValueNetwork(nn.Module, ABC):
         self.register_buffer("candidates", candidates)
 
     @classmethod
-    @abstractmethod
     def from_config(cls, config: Any, candidates: Tensor, runs: int) -> Self:
-        """The network that a configuration describes.
+        """The network that a configuration describes, for those that ``conf/value/`` has.
 
         Args:
             config: of its kind (:data:`fnnq_torchrl.value_config.VALUES`).
             candidates: the actions among which the best is sought, ``[candidates]``; their dtype
                 and device are the network's.
             runs: how many learners it holds.
+
+        Raises:
+            NotImplementedError: it has no configuration.
         """
+        raise NotImplementedError(f"{cls.__name__} is made in Python, not from a configuration")
 
     def start(self, seed: Tensor) -> dict[str, Tensor]:
         """The weights of runs before they learn; by default those that the parameters have.

@@ -56,7 +56,7 @@ class MLPValue(ValueNetwork):
         candidates: Tensor,
         *,
         widths: Sequence[int],
-        activation: str = "tanh",
+        activation: str,
         layer_norm: bool = False,
         sparsity: float = 0.0,
         runs: int = 1,
