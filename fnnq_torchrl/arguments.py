@@ -1,6 +1,7 @@
 """Command lines whose mistakes are told in one line."""
 
 from argparse import ArgumentParser
+from pathlib import Path
 from typing import NoReturn
 
 
@@ -9,3 +10,11 @@ class OneLineParser(ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{' '.join(message.split())}\n")
+
+
+def page_parser(program: str, description: str | None) -> OneLineParser:
+    """For a command that writes a page of ``docs`` from the results of experiments."""
+    parser = OneLineParser(program, description=description)
+    parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
+    parser.add_argument("--to", type=Path, default=Path("docs"), help="default: docs")
+    return parser

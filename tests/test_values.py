@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -52,6 +53,15 @@ def weights_of(network: ValueNetwork, run: int) -> dict[str, list]:
     return {name: weight[run].tolist() for name, weight in network.named_parameters()}
 
 
+def by_labels(
+    oracle: Callable[..., float], network: ValueNetwork, bearing: float, action: float
+) -> list[float]:
+    """What plain Python makes of each run's weights and the default labels."""
+    labels = config().value
+    where = labels.inputs["bearing"], labels.action, bearing, action
+    return [oracle(weights_of(network, run)["weight"], *where) for run in range(RUNS)]
+
+
 @pytest.mark.parametrize("kind", VALUES)
 @pytest.mark.parametrize("batch", [(), (4,), (4, 2)])
 def test_a_candidate_has_the_value_of_that_action(kind: str, batch: tuple[int, ...]) -> None:
@@ -67,33 +77,15 @@ def test_a_candidate_has_the_value_of_that_action(kind: str, batch: tuple[int, .
 
 @given(numbers, numbers)
 def test_radial_basis_functions(bearing: float, action: float) -> None:
-    network, labels = make("rbf"), config().value
-    expected = [
-        approximators.radial(
-            weights_of(network, run)["weight"],
-            labels.inputs["bearing"],
-            labels.action,
-            bearing,
-            action,
-        )
-        for run in range(RUNS)
-    ]
+    network = make("rbf")
+    expected = by_labels(approximators.radial, network, bearing, action)
     assert q_of(network, bearing, action) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 @given(numbers, numbers.filter(bool))
 def test_a_look_up_table(bearing: float, action: float) -> None:
-    network, labels = make("table"), config().value
-    expected = [
-        approximators.looked_up(
-            weights_of(network, run)["weight"],
-            labels.inputs["bearing"],
-            labels.action,
-            bearing,
-            action,
-        )
-        for run in range(RUNS)
-    ]
+    network = make("table")
+    expected = by_labels(approximators.looked_up, network, bearing, action)
     assert q_of(network, bearing, action) == pytest.approx(expected, rel=1e-12)
 
 

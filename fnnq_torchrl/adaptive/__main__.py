@@ -1,9 +1,8 @@
 """Writes what adaptive step sizes do: ``python -m fnnq_torchrl.adaptive``."""
 
-import argparse
 import sys
-from pathlib import Path
 
+from fnnq_torchrl.arguments import page_parser
 from fnnq_torchrl.atomic import atomic_write
 from fnnq_torchrl.experiments import newest_experiment
 from fnnq_torchrl.figures.gallery import draw
@@ -14,10 +13,7 @@ from .page import write_page
 
 def main() -> None:
     """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
-    parser = argparse.ArgumentParser("python -m fnnq_torchrl.adaptive", description=__doc__)
-    parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
-    parser.add_argument("--to", type=Path, default=Path("docs"), help="default: docs")
-    arguments = parser.parse_args()
+    arguments = page_parser("python -m fnnq_torchrl.adaptive", __doc__).parse_args()
     try:
         experiment = newest_experiment(arguments.results, "adaptive")
         text = write_page(experiment)

@@ -1,9 +1,9 @@
 """Writes what becomes of Q where nothing was seen: ``python -m fnnq_torchrl.extrapolation``."""
 
-import argparse
 import sys
 from pathlib import Path
 
+from fnnq_torchrl.arguments import page_parser
 from fnnq_torchrl.atomic import atomic_write
 from fnnq_torchrl.experiments import newest_experiment
 from fnnq_torchrl.figures.style import save
@@ -17,10 +17,7 @@ from .pictures import FIGURES
 
 def main() -> None:
     """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
-    parser = argparse.ArgumentParser("python -m fnnq_torchrl.extrapolation", description=__doc__)
-    parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
-    parser.add_argument("--to", type=Path, default=Path("docs"), help="default: docs")
-    arguments = parser.parse_args()
+    arguments = page_parser("python -m fnnq_torchrl.extrapolation", __doc__).parse_args()
     try:
         sweep = newest_experiment(arguments.results, "value_functions")
         experiment = newest_experiment(arguments.results, "extrapolation")

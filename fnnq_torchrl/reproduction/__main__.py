@@ -6,7 +6,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from fnnq_torchrl.arguments import OneLineParser
+from fnnq_torchrl.arguments import page_parser
 from fnnq_torchrl.atomic import atomic_write
 from fnnq_torchrl.experiments import newest_experiment
 from fnnq_torchrl.figures.gallery import draw
@@ -17,9 +17,7 @@ from .page import EXPERIMENTS, FIGURES, IN_SHORT, verdicts_in_short, write_page
 
 def main() -> None:
     """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
-    parser = OneLineParser("python -m fnnq_torchrl.reproduction", description=__doc__)
-    parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
-    parser.add_argument("--to", type=Path, default=Path("docs"), help="default: docs")
+    parser = page_parser("python -m fnnq_torchrl.reproduction", __doc__)
     parser.add_argument("--short", action="store_true", help=f"only a table, from {IN_SHORT}")
     arguments = parser.parse_args()
     try:
