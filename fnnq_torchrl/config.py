@@ -5,7 +5,7 @@ that a mistake is told before anything heavy is loaded.
 """
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -51,6 +51,7 @@ __all__ = [
     "MachineConfig",
     "OutOfRange",
     "UnknownKey",
+    "flat",
     "ranges_of",
     "refusal",
     "run_columns",
@@ -172,6 +173,17 @@ def run_columns(config: Config) -> dict[str, list[float]]:
     runs = range(config.num_seeds)
     columns: dict[str, list[float]] = {key: [getattr(config, key) for _ in runs] for key in PER_RUN}
     return columns | {"seed": [config.seed + run for run in runs]}
+
+
+def flat(settings: Mapping[str, Any], group: str = "") -> dict[str, Any]:
+    """Nested settings by their keys with groups, as in ``env.speed_mps``; lists are values."""
+    keys: dict[str, Any] = {}
+    for key, value in settings.items():
+        if isinstance(value, Mapping):
+            keys |= flat(value, f"{group}{key}.")
+        else:
+            keys[f"{group}{key}"] = value
+    return keys
 
 
 class UnknownKey(ConfigError):

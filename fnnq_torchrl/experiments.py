@@ -8,7 +8,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from fnnq_torchrl.config import Config, ConfigError, to_config
+from fnnq_torchrl.config import Config, ConfigError, flat, to_config
 from fnnq_torchrl.results import Evaluations, read_evaluations
 
 HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s", "checkpoint.snapshots")
@@ -165,13 +165,4 @@ def _read_job(directory: Path) -> Job:
     settings = asdict(config)
     del settings["logger"]  # which has other keys for each choice, and no say in the results
     evaluations = read_evaluations(directory / "evaluations.csv")
-    return Job(dict(_flat(settings)), evaluations, config, directory)
-
-
-def _flat(settings: Mapping[Any, Any], group: str = "") -> list[tuple[str, Any]]:
-    """Keys with their groups, and their values; lists are values."""
-    pairs: list[tuple[str, Any]] = []
-    for key, value in settings.items():
-        name = f"{group}{key}"
-        pairs += _flat(value, f"{name}.") if isinstance(value, dict) else [(name, value)]
-    return pairs
+    return Job(flat(settings), evaluations, config, directory)

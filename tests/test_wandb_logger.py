@@ -12,11 +12,10 @@ import pytest
 import wandb
 
 from fnnq_torchrl.batches import Job
-from fnnq_torchrl.config import PER_RUN, ConfigError
+from fnnq_torchrl.config import PER_RUN, ConfigError, flat
 from fnnq_torchrl.logger_config import WandbConfig
 from fnnq_torchrl.loggers import JobResults, Loggers, SweepResults
 from fnnq_torchrl.loggers import wandb as wandb_module
-from fnnq_torchrl.loggers.base import flat
 from fnnq_torchrl.results import EVALUATION_COLUMNS
 from fnnq_torchrl.stats import mean_interval
 

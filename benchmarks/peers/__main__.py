@@ -25,6 +25,8 @@ from .tune import best_rate, read_tuning
 TIMES = 3
 """How often a run of ours is timed, whose time is short."""
 
+FEWEST = 5
+"""Runs of a learner that a conclusion may rest on."""
 
 Measured = Iterator[tuple[str, list[Run]]]
 """Runs with the names of their learners."""
@@ -60,8 +62,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--to", type=Path, default=Path("docs"), help="where the page goes")
     parser.add_argument("--redraw", action="store_true", help="from the results as they are")
     given = parser.parse_args()
-    if min(given.seeds, given.runs) < 2:
-        parser.error("an interval needs two runs of each learner")
+    if min(given.seeds, given.runs) < FEWEST:
+        parser.error(f"the page concludes from {FEWEST} runs of each learner or more")
     return given
 
 
@@ -78,8 +80,10 @@ def main() -> None:
             measured[name] += runs
             write_results(given.results, machine, measured)  # what is there is kept
     machine, results = read_results(given.results)
-    if missing := [name for name in (ALONE, EAGER, *WORDS) if name not in results]:
+    if missing := [name for name in (ALONE, EAGER) if name not in results]:
         sys.exit(f"{given.results} has no runs of {missing[0]}: make peers")
+    if short := [name for name in WORDS if len(results.get(name, [])) < FEWEST]:
+        sys.exit(f"{given.results} has fewer than {FEWEST} runs of {short[0]}: make peers")
     figures = given.to / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     for suffix in ("png", "svg"):

@@ -1,6 +1,6 @@
 """What a logger gets, and what it must be able to do."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -157,14 +157,3 @@ class Logger(Protocol):
 
     def log_sweep(self, sweep: SweepResults) -> None:
         """Log what there is of a sweep besides its jobs."""
-
-
-def flat(settings: Mapping[str, Any], group: str = "") -> dict[str, Any]:
-    """Nested settings by their keys with groups, as in ``env.speed_mps``; lists are values."""
-    keys: dict[str, Any] = {}
-    for key, value in settings.items():
-        if isinstance(value, Mapping):
-            keys |= flat(value, f"{group}{key}.")
-        else:
-            keys[f"{group}{key}"] = value
-    return keys

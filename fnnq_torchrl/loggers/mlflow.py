@@ -17,9 +17,10 @@ from mlflow.exceptions import MlflowException
 from mlflow.tracking import MlflowClient
 
 from fnnq_torchrl.batches import Job
+from fnnq_torchrl.config import flat
 from fnnq_torchrl.logger_config import MlflowConfig
 
-from .base import JobResults, SweepResults, flat
+from .base import JobResults, SweepResults
 
 logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)  # it tells of each database
 

@@ -9,9 +9,10 @@ from torch.utils.tensorboard import SummaryWriter
 from torchrl.record.loggers import TensorboardLogger as Writer
 
 from fnnq_torchrl.batches import Job
+from fnnq_torchrl.config import flat
 from fnnq_torchrl.logger_config import TensorboardConfig
 
-from .base import JobResults, SweepResults, flat
+from .base import JobResults, SweepResults
 
 
 class TensorboardLogger:
