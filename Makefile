@@ -69,7 +69,7 @@ agreement: install  ## do 2,000 runs learn the same, eager and compiled? Takes m
 
 bench-jax: $(JAX)/installed  ## an environment of its own for the JAX yardstick, which bench does without if it must
 
-peers: install $(SB3)/installed  ## docs/peers.md: TorchRL's and Stable-Baselines3's DQN on the same task (takes ten minutes)
+peers: install $(SB3)/installed  ## docs/peers.md: TorchRL's and Stable-Baselines3's DQN on the same task (takes twelve minutes)
 	$(BIN)/python -m benchmarks.peers
 
 lint: install  ## ruff and mypy
