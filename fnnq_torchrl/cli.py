@@ -17,13 +17,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from fnnq_torchrl.batches import Job, JobFailed, Result, RunBatches
-from fnnq_torchrl.compose import (
-    VERSION_BASE,
-    SeveralValues,
-    config_directory,
-    explain,
-    is_of_hydra,
-)
+from fnnq_torchrl.choices import config_directory
+from fnnq_torchrl.compose import VERSION_BASE, SeveralValues, explain, is_of_hydra
 from fnnq_torchrl.config import Config, ConfigError, to_config
 from fnnq_torchrl.flags import as_typed, check_flags, only_shows
 from fnnq_torchrl.interruptions import Interrupted

@@ -28,7 +28,7 @@ from fnnq_torchrl.results import read_evaluations
 from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.snapshot_file import load_snapshots
 from fnnq_torchrl.trainer import Trainer
-from fnnq_torchrl.value_config import VALUES, LabelsConfig
+from fnnq_torchrl.value_config import KINDS, LabelsConfig, schema_of
 from fnnq_torchrl.values import make_value_network
 
 SCHEMAS = (Config, World, LabelsConfig, ActionConfig, EvaluationConfig, MachineConfig)
@@ -102,9 +102,9 @@ def record_keys_read(schemas, monkeypatch):
     return read
 
 
-@pytest.mark.parametrize("kind", VALUES)
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_key_of_a_value_function_is_read(monkeypatch, kind):
-    config, schema = load_config(f"value={kind}").value, VALUES[kind]
+    config, schema = load_config(f"value={kind}").value, schema_of(kind)
     read = record_keys_read([schema], monkeypatch)
     make_value_network(config, torch.linspace(-1, 1, 3), runs=1)
     assert read == {(schema, name) for name in schema.__dataclass_fields__}
