@@ -58,11 +58,22 @@ def command(
             _leave_over_a_file(error)
 
     task.run_batches = run_batches or _one_by_one(job)  # type: ignore[attr-defined]
+    # What the launcher has to do when the sweeper, which it doesn't know, launches no more.
+    at_end: list[Callable[[], None]] = []
+    task.at_end = at_end  # type: ignore[attr-defined]
     for plugin in (BatchLauncher, BatchSweeper):  # Hydra finds them itself, if not everywhere
         Plugins.instance().register(plugin)
-    application = hydra.main(
+    hydra_application = hydra.main(
         version_base=VERSION_BASE, config_path=str(config_directory()), config_name="config"
     )(task)
+
+    def application() -> None:
+        at_end.clear()
+        try:
+            hydra_application()
+        finally:
+            for end in at_end:
+                end()
 
     @functools.wraps(job)
     def main() -> None:
