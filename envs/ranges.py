@@ -8,7 +8,7 @@ A field is declared without a default, since defaults live in the YAML files alo
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields
 from math import inf
 from typing import Any, get_args, get_type_hints
@@ -144,7 +144,7 @@ def flag() -> Any:
     return _declare(lambda value: isinstance(value, bool), "true or false")
 
 
-def parameters(kinds: Mapping[str, type[Parameters]]) -> Any:
+def parameters(kinds: Iterable[str]) -> Any:
     """The parameters of one of several kinds, which its entry ``kind`` names."""
     return _declare(
         lambda value: isinstance(value, Parameters), f"the values of one of: {', '.join(kinds)}"

@@ -17,13 +17,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from fnnq_torchrl.batches import Job, JobFailed, Result, RunBatches
-from fnnq_torchrl.compose import (
-    VERSION_BASE,
-    SeveralValues,
-    config_directory,
-    explain,
-    is_of_hydra,
-)
+from fnnq_torchrl.choices import config_directory
+from fnnq_torchrl.compose import VERSION_BASE, SeveralValues, explain, is_of_hydra
 from fnnq_torchrl.config import Config, ConfigError, to_config
 from fnnq_torchrl.flags import as_typed, check_flags, only_shows
 from fnnq_torchrl.interruptions import Interrupted
@@ -63,11 +58,22 @@ def command(
             _leave_over_a_file(error)
 
     task.run_batches = run_batches or _one_by_one(job)  # type: ignore[attr-defined]
+    # What the launcher has to do when the sweeper, which it doesn't know, launches no more.
+    at_end: list[Callable[[], None]] = []
+    task.at_end = at_end  # type: ignore[attr-defined]
     for plugin in (BatchLauncher, BatchSweeper):  # Hydra finds them itself, if not everywhere
         Plugins.instance().register(plugin)
-    application = hydra.main(
+    hydra_application = hydra.main(
         version_base=VERSION_BASE, config_path=str(config_directory()), config_name="config"
     )(task)
+
+    def application() -> None:
+        at_end.clear()
+        try:
+            hydra_application()
+        finally:
+            for end in at_end:
+                end()
 
     @functools.wraps(job)
     def main() -> None:

@@ -3,7 +3,6 @@
 import difflib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from traceback import walk_tb
 
 from hydra import compose, initialize_config_dir, version
@@ -15,19 +14,13 @@ from omegaconf.errors import OmegaConfBaseException
 
 from envs.ranges import allowed
 from fnnq_torchrl.batches import LauncherConfig
+from fnnq_torchrl.choices import choices_of, config_directory
 from fnnq_torchrl.config import Config, ConfigError, OutOfRange, refusal, to_config
 
 VERSION_BASE = "1.3"  # of Hydra, whose defaults change with it
 
 # conf/config.yaml begins with this schema: Hydra then refuses unknown keys and wrong types.
 ConfigStore.instance().store(name="schema", node=Config)
-
-
-def config_directory() -> Path:
-    """``fnnq_torchrl/conf``, where the wheel puts it, or else the checkout's top-level ``conf``."""
-    package = Path(__file__).resolve().parent
-    installed = package / "conf"
-    return installed if installed.is_dir() else package.parent / "conf"
 
 
 def load_config(*overrides: str) -> Config:
@@ -82,7 +75,7 @@ def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
         # Of a choice that stands in a list Hydra doesn't say what else there is.
-        if options := error.options or _choices(group):
+        if options := error.options or choices_of(group):
             return OutOfRange(group, choice, " or ".join(options))
     if isinstance(error, OverrideParseException):
         return ConfigError(f"{error.override}: {_advice_on_parsing(error.override, overrides)}")
@@ -103,18 +96,13 @@ def _no_choice(overrides: Sequence[str]) -> ConfigError:
     wrong = []
     for override in overrides:
         group, _, value = override.partition("=")
-        choices = _choices(group)
+        choices = choices_of(group)
         if group in allowed(Config) or "." in group or value in choices:
             continue
         if group and choices:
             return OutOfRange(group, value, " or ".join(choices))
         wrong.append(override)
     return ConfigError(f"{' '.join(wrong)}: must name one of the choices of a group")
-
-
-def _choices(group: str) -> list[str]:
-    """The files of a group of ours."""
-    return sorted(path.stem for path in (config_directory() / group).glob("*.yaml"))
 
 
 def _unchosen(overrides: Sequence[str]) -> ConfigError | None:

@@ -35,7 +35,7 @@ from envs.ranges import (
 )
 from envs.world import World
 from fnnq_torchrl.logger_config import LoggerConfig
-from fnnq_torchrl.value_config import VALUES, ValueConfig
+from fnnq_torchrl.value_config import KINDS, ValueConfig, schema_of
 
 __all__ = [
     "EXPLORATIONS",
@@ -140,7 +140,7 @@ class Config(Parameters):
     resume: str = one_of("auto", "never")
 
     env: World
-    value: Any = parameters(VALUES)
+    value: Any = parameters(KINDS)
     action: ActionConfig
     evaluation: EvaluationConfig
     machine: MachineConfig
@@ -218,7 +218,7 @@ def to_config(node: DictConfig) -> Config:
     kind = _kind(plain)
     schema = OmegaConf.structured(Config)
     if kind is not None:
-        schema.value = OmegaConf.structured(VALUES[kind])
+        schema.value = OmegaConf.structured(schema_of(kind))
     try:
         return cast(Config, OmegaConf.to_object(OmegaConf.merge(schema, plain)))
     except OmegaConfBaseException as error:
@@ -238,7 +238,7 @@ def _kind(plain: dict[str, Any]) -> str | None:
     if not isinstance(value, dict):
         raise OutOfRange("value", value, allowed(Config)["value"])
     kind = value.get("kind", "???")
-    if kind not in VALUES:
+    if kind not in KINDS:
         raise OutOfRange("value.kind", kind, allowed(ValueConfig)["kind"])
     return cast(str, kind)
 
@@ -273,7 +273,7 @@ def ranges_of(kind: str | None = None) -> dict[str, str]:
         kind: of value function; the keys of all kinds, if not given.
     """
     ranges = allowed(Config)
-    for schema in VALUES.values() if kind is None else [VALUES[kind]]:
+    for schema in map(schema_of, KINDS if kind is None else [kind]):
         ranges |= allowed(schema, "value.")
     return ranges
 

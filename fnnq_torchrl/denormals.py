@@ -5,7 +5,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 
-def denormal_runs(weights: TensorDictBase) -> Tensor:
+def with_denormals(weights: TensorDictBase) -> Tensor:
     """Of each run, whether a weight is subnormal: not 0, and less than the smallest normal number.
 
     Such a number has fewer digits the smaller it is, and processors are slow at them.

@@ -2,12 +2,16 @@
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from hydra._internal.utils import get_args_parser
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import OverrideParseException
 
 from fnnq_torchrl.arguments import OneLineParser
+from fnnq_torchrl.compose import key_of
 from fnnq_torchrl.config import ConfigError
 
 _SWEEPS = ("-m", "--multirun")
@@ -41,14 +45,25 @@ def check_flags(program: str, arguments: Sequence[str]) -> None:
     for flag, directory in (
         ("--config-path", given.config_path),
         ("--config-dir", given.config_dir),
+        *(("hydra.searchpath:", directory) for directory in _searched(given.overrides)),
     ):
-        if directory is not None and ".hydra" in Path(directory).parts:
+        if directory is not None and ".hydra" in Path(directory).resolve().parts:
             raise ConfigError(
                 f"{flag} {directory}: what a job has left is not to be trusted as configuration; "
                 "type what is in its overrides.yaml instead"
             )
     if given.resolve and not (given.cfg or given.help):
         raise ConfigError("--resolve: goes with --cfg job, --cfg hydra or --cfg all")
+
+
+def _searched(overrides: Sequence[str]) -> Iterator[str]:
+    """The directories that overrides have Hydra look for configuration in."""
+    for override in overrides:
+        if key_of(override) == "hydra.searchpath":
+            with suppress(OverrideParseException):  # Hydra finds that out too
+                value = OverridesParser.create().parse_override(override).value()
+                for directory in value if isinstance(value, list) else [value]:
+                    yield str(directory).removeprefix("file://")
 
 
 def only_shows() -> bool:

@@ -3,7 +3,8 @@
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Self
 
@@ -47,11 +48,14 @@ class Lost(Interrupted):
 
 
 class Interruptions:
-    """Says when to save, within a ``with`` block.
+    """Says when to save and when to end, within a ``with`` block.
 
     In it, SIGUSR1 and SIGUSR2 make a save due; SIGTERM and SIGINT too, and end the work after it. A
     second SIGTERM or SIGINT ends it at once. Signals that somebody else answers already, such as
     submitit, are left to them, and so are all outside the main thread.
+
+    What is not to be cut off, as the writing of results, can be done in the block too:
+    :meth:`obey` is for after it.
 
     Args:
         every_s: seconds from one save to the next.
@@ -59,7 +63,7 @@ class Interruptions:
     """
 
     current: "Interruptions | None" = None
-    """Of the block that is being executed."""
+    """Those of which somebody looks whether they are due."""
 
     def __init__(self, every_s: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._every_s, self._clock = every_s, clock
@@ -69,7 +73,6 @@ class Interruptions:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
-        Interruptions.current = self
         if threading.current_thread() is threading.main_thread():
             for name in (*_SAVE, *_END):
                 number = getattr(signal, name, None)
@@ -79,8 +82,16 @@ class Interruptions:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        Interruptions.current = None
         self._restore()
+
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """A block within which somebody saves when it is due, as :meth:`save_now` needs."""
+        Interruptions.current = self
+        try:
+            yield
+        finally:
+            Interruptions.current = None
 
     @property
     def ending(self) -> bool:
@@ -98,6 +109,14 @@ class Interruptions:
             Interrupted: it was to be saved because the work is to end.
         """
         self._end_save(well=True)
+        self.obey()
+
+    def obey(self) -> None:
+        """Everything is saved, or needs no saving, because it is finished.
+
+        Raises:
+            Interrupted: the work is to end.
+        """
         if self._ends_by:
             raise Interrupted(self._ends_by)
 

@@ -26,6 +26,9 @@ from fnnq_torchrl.saved import NAME, SavedTraining
 from fnnq_torchrl.snapshot_file import save_snapshots
 from fnnq_torchrl.trainer import Trainer
 
+PICTURE = "learning_curve.png"
+"""The file with the learning curve."""
+
 _WRITERS = 8
 """Threads that write files of different jobs."""
 
@@ -51,10 +54,11 @@ def run_job(config: Config, directory: Path) -> float:
             is damaged; or the engine is to compile, and the compiler isn't there or fails.
         OSError: a file can't be written.
     """
-    [[result]] = run_batches([[Job(config, directory)]], pictures=True)
+    # Whatever signal came while the files were written: there is nothing left to be interrupted.
+    [result] = next(run_batches([[Job(config, directory)]], pictures=True))
     if isinstance(result, Exception):
         raise result
-    print_summary(read_summary(directory / "summary.json"), directory / "learning_curve.png")
+    print_summary(read_summary(directory / "summary.json"), directory / PICTURE)
     return result
 
 
@@ -79,7 +83,8 @@ def run_batches(
         ConfigError: a batch needs more memory than there is, or a saved training isn't this one's,
             or is damaged; before any batch begins. Or an engine is to compile, and the compiler
             isn't there, or fails; or a logger's library isn't there, or a login that it's to use.
-        Interrupted: a signal has ended the work, which is saved.
+        Interrupted: a signal has ended the work, which is saved. One that comes while files are
+            written or logged does so when its batch is done, and its results are yielded.
         Lost: a signal has ended the work, which couldn't be saved.
     """
     for batch in batches:
@@ -93,16 +98,18 @@ def run_batches(
         _check_saved(batch)
     for batch, loggers in [*zip(batches, _loggers(batches), strict=True)]:
         results: list[float | Exception]
-        try:
-            results = _run_batch(batch, pictures)
-        except (ConfigError, Interrupted):
-            raise
-        except Exception as error:  # a bug, or too little memory: the other batches may do
-            results = [error] * len(batch)
-        # Of jobs whose files are there, and in this thread: not all loggers know of others.
-        logged = zip(batch, results, strict=True)
-        loggers.log_jobs(job for job, result in logged if isinstance(result, float))
+        with Interruptions(batch[0].config.checkpoint.every_s) as interruptions:
+            try:
+                results = _run_batch(batch, pictures, interruptions)
+            except (ConfigError, Interrupted):
+                raise
+            except Exception as error:  # a bug, or too little memory: the other batches may do
+                results = [error] * len(batch)
+            # Of jobs whose files are there, and in this thread: not all loggers know of others.
+            logged = zip(batch, results, strict=True)
+            loggers.log_jobs(job for job, result in logged if isinstance(result, float))
         yield results
+        interruptions.obey()
 
 
 def _loggers(batches: Sequence[Sequence[Job]]) -> list[Loggers]:
@@ -111,7 +118,7 @@ def _loggers(batches: Sequence[Sequence[Job]]) -> list[Loggers]:
     jobs: dict[str, list[Job]] = {key: [] for key in of_each}
     for key, batch in zip(of_each, batches, strict=True):
         jobs[key] += batch
-    made = {key: Loggers(of[0].config.logger) for key, of in jobs.items()}
+    made = {key: Loggers.of(of[0].config.logger) for key, of in jobs.items()}
     for key, loggers in made.items():
         loggers.foresee(jobs[key])
     return [made[key] for key in of_each]
@@ -131,18 +138,20 @@ def _check_saved(jobs: Sequence[Job]) -> None:
     """Refuse, before anything is computed, a saved training that can't be gone on from."""
     if jobs[0].config.resume == "auto" and (jobs[-1].directory / NAME).exists():
         trainer = Trainer(*as_one([job.config for job in jobs]))
-        _saved(jobs, trainer).load(trainer.ledger)
+        _saved(jobs, trainer).load(trainer.ledger, trainer.begun)
 
 
 def _saved(jobs: Sequence[Job], trainer: Trainer) -> SavedTraining:
     return SavedTraining(jobs[-1].directory, trainer.config, trainer.engine.name)
 
 
-def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
+def _run_batch(
+    jobs: Sequence[Job], pictures: bool, interruptions: Interruptions
+) -> list[float | Exception]:
     trainer = Trainer(*as_one([job.config for job in jobs]))
     announce(trainer.engine_chosen)
     saved = _saved(jobs, trainer)
-    outcome = _train(trainer, saved)
+    outcome = _train(trainer, saved, interruptions)
     _announce_diverged(outcome)
     _announce_denormal(outcome)
     bounds = accumulate((job.config.num_seeds for job in jobs), initial=0)
@@ -171,23 +180,23 @@ def _run_batch(jobs: Sequence[Job], pictures: bool) -> list[float | Exception]:
     return results
 
 
-def _train(trainer: Trainer, saved: SavedTraining) -> Outcome:
+def _train(trainer: Trainer, saved: SavedTraining, interruptions: Interruptions) -> Outcome:
     """All of it, or what was left of it; saved from time to time, and when a signal ends it."""
-    if trainer.config.resume == "auto" and saved.load(trainer.ledger):
+    if trainer.config.resume == "auto" and saved.load(trainer.ledger, trainer.begun):
         announce(f"going on from {saved.path}")
     told = set()
-    with Interruptions(trainer.config.checkpoint.every_s) as interruptions:
 
-        def save(hands: Sequence[Hand]) -> None:
-            try:
-                saved.save(trainer.ledger, hands)
-            except OSError as error:
-                if not (interruptions.ending or str(error) in told):
-                    told.add(str(error))
-                    announce(f"going on, but this training can't be saved, for now: {error}")
-                raise
+    def save(hands: Sequence[Hand]) -> None:
+        try:
+            saved.save(trainer.ledger, hands)
+        except OSError as error:
+            if not (interruptions.ending or str(error) in told):
+                told.add(str(error))
+                announce(f"going on, but this training can't be saved, for now: {error}")
+            raise
 
-        keeper = HandsKeeper(interruptions, save)
+    keeper = HandsKeeper(interruptions, save)
+    with interruptions.watched():
         with Progress(trainer.situations_to_learn, "learning") as progress:
             trainer.learn(progress.update, keeper)
         with Progress(trainer.situations_to_play, "evaluating") as progress:
@@ -199,7 +208,7 @@ def _train(trainer: Trainer, saved: SavedTraining) -> Outcome:
 def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) -> float:
     directory, config = job.directory, job.config
     evaluations = directory / "evaluations.csv"
-    for name in ("summary.json", SNAPSHOTS):  # an earlier one isn't of these files
+    for name in ("summary.json", SNAPSHOTS, PICTURE):  # an earlier one isn't of these files
         (directory / name).unlink(missing_ok=True)
     settings = asdict(config)
     del settings["logger"]  # which has no say in the weights, and may not be there where they go
@@ -209,8 +218,7 @@ def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) ->
         save_snapshots(directory / SNAPSHOTS, weights, outcome.situations, *runs)
     write_evaluations(evaluations, outcome)
     if pictures:
-        picture = directory / "learning_curve.png"
-        learning_curve(evaluations, picture, best=len(config.evaluation.situations))
+        learning_curve(evaluations, directory / PICTURE, best=len(config.evaluation.situations))
     summary = summarise(outcome)
     write_summary(directory / "summary.json", summary)
     return summary["mean_score"]
@@ -229,9 +237,9 @@ def _announce_diverged(outcome: Outcome) -> None:
 
 def _announce_denormal(outcome: Outcome) -> None:
     """One line, if runs have learned subnormal weights."""
-    if not outcome.denormal.any():
+    if not outcome.denormal_runs:
         return
-    seeds = outcome.seed[outcome.denormal].tolist()
+    seeds = outcome.seed[outcome.denormal[:, -1]].tolist()
     announce(
         f"denormal: {len(seeds):,} of {outcome.runs:,} runs (seed {_some(seeds)}) have weights too "
         "small for full precision. machine.dtype=float64 has smaller numbers"

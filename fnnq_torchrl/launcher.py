@@ -38,7 +38,8 @@ class Multirun:
     Args:
         settings: of ``conf/hydra/launcher/batch.yaml``.
         context: Hydra's.
-        task_function: the command's; its attribute ``run_batches`` is what trains
+        task_function: the command's; its attribute ``run_batches`` is what trains, and to
+            ``at_end`` is added what is to be done when there are no more jobs
             (see :func:`fnnq_torchrl.cli.command`).
         config: of the multirun itself.
 
@@ -57,7 +58,9 @@ class Multirun:
         check(self._settings, "hydra.launcher.")
         self._context, self._config = context, config
         self._run_batches = task_function.run_batches  # type: ignore[attr-defined]
+        task_function.at_end.append(self._log_whole)  # type: ignore[attr-defined]
         self._jobs: list[SweptJob] = []
+        self._anything_new = False
 
     def launch(self, job_overrides: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
         """Run some more jobs, those that aren't finished already.
@@ -84,8 +87,7 @@ class Multirun:
         self._log()
         self._jobs += jobs
         self._write_whole()
-        if missing:
-            self._log_whole()
+        self._anything_new |= bool(missing)
         return returns
 
     def _run(self, jobs: Sequence[SweptJob], pictures: bool) -> dict[Path, Result]:
@@ -157,12 +159,14 @@ class Multirun:
             raise _damaged(error) from error
 
     def _log_whole(self) -> None:
-        """What the loggers of its jobs have on the sweep as a whole."""
+        """What the loggers of its jobs have on the sweep as a whole, unless it was there before."""
+        if not self._anything_new:
+            return
         from fnnq_torchrl.loggers import Loggers, SweepResults
 
         directory = Path(self._config.hydra.sweep.dir).absolute()
         for config in {repr(job.config.logger): job.config.logger for job in self._jobs}.values():
-            Loggers(config).log_sweep(SweepResults(directory, len(self._jobs)))
+            Loggers.of(config).log_sweep(SweepResults(directory, len(self._jobs)))
 
 
 def _damaged(error: ValueError) -> JobFailed:

@@ -4,12 +4,14 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import inf
 from typing import Any
 
 import torch
-from tensordict import TensorDict
+from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
+from envs.ranges import MOST
 from fnnq_torchrl.config import PER_RUN
 from fnnq_torchrl.keeper import Hand
 from fnnq_torchrl.snapshots import SnapshotBook
@@ -118,11 +120,12 @@ class Ledger:
             "seconds": dict(self.seconds),
         }
 
-    def load_state_dict(self, saved: dict[str, Any]) -> bool:
+    def load_state_dict(self, saved: dict[str, Any], begun: TensorDictBase) -> bool:
         """Go on from what was done of the same runs, or of these and others.
 
         Args:
             saved: what :meth:`state_dict` gave, with equal evaluations and weights.
+            begun: the state of any run that has begun, ``[1]``, as those in hand must be.
 
         Returns:
             Whether all the runs are there; if not, nothing has changed.
@@ -131,6 +134,7 @@ class Ledger:
             AttributeError, LookupError, RuntimeError, TypeError, ValueError: it is nothing that
                 :meth:`state_dict` gave.
         """
+        self._check(saved, begun)
         if (rows := _find(self._runs(), saved["runs"])) is None:
             return False
         pages = self.book.pages
@@ -151,6 +155,28 @@ class Ledger:
         self.seconds.update(saved["seconds"])
         return True
 
+    def _check(self, saved: dict[str, Any], begun: TensorDictBase) -> None:
+        """Refuse numbers that nothing can come to, whoever has written them."""
+        last, tests = len(self.played) - 1, self.played.shape[-1]
+        _check_range(saved["learned"], 0, last * self.book.every)
+        _check_range(saved["collected"], 0, last)
+        _check_range(saved["catches"], 0, tests)
+        _check_range(saved["steps"], 0)
+        for what, seconds in saved["seconds"].items():
+            if what not in _SECONDS or not 0 <= seconds < inf:
+                raise ValueError(f"{what}={seconds} is no time")
+        for jobs, state in saved["hands"]:
+            _check_range(jobs, 0, len(saved["runs"]) - 1)
+            of_run = TensorDict(state, jobs.shape).flatten_keys(".")
+            expected = begun.flatten_keys(".")
+            if of_run.keys() != expected.keys():
+                raise ValueError("a state has other entries")
+            for name, entry in expected.items():
+                if of_run[name].shape[1:] != entry.shape[1:] or of_run[name].dtype != entry.dtype:
+                    raise ValueError(f"{name} isn't what it is in a state")
+            _check_range(of_run["situations"], 0)
+            _check_range(of_run["steps"], 0)
+
     def _runs(self) -> Tensor:
         """What tells the runs apart, int64 ``[runs, columns]``: the bits of their values."""
         columns = [
@@ -166,6 +192,11 @@ def _copy(into: Tensor, saved: Tensor) -> None:
     if saved.shape != into.shape or saved.dtype != into.dtype:
         raise ValueError(f"{saved.dtype} {saved.shape} is not {into.dtype} {into.shape}")
     into.copy_(saved)
+
+
+def _check_range(numbers: Tensor, low: int, high: int = MOST) -> None:
+    if numbers.dtype != torch.int64 or not ((low <= numbers) & (numbers <= high)).all():
+        raise ValueError(f"not all are whole numbers from {low} to {high}")
 
 
 def _find(runs: Tensor, among: Tensor) -> Tensor | None:

@@ -32,6 +32,7 @@ class MlflowConfig(Parameters):
 
     tracking_uri: str = matching(r"([\w+]+:\S+)?", "a URI, as https://host or sqlite:///path")
     experiment: str = matching(r".{1,250}", "1 to 250 letters")
+    timeout_s: float = number(above=0)
 
 
 @dataclass

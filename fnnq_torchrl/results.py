@@ -4,6 +4,7 @@ import io
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 from types import UnionType
 from typing import Any, Self, TypedDict, cast, get_args, get_origin, get_type_hints
@@ -15,13 +16,15 @@ from fnnq_torchrl.atomic import atomic_write
 from fnnq_torchrl.stats import mean_interval
 
 # The columns of evaluations.csv. They stay first and in this order for good.
-EVALUATION_COLUMNS = ("seed", "lam", "situations", "steps", "catches", "diverged")
+EVALUATION_COLUMNS = ("seed", "lam", "situations", "steps", "catches", "diverged", "denormal")
+_ALWAYS = 5  # of them; files from before there were the others, which are flags, are read too
 CONFIDENCE = 0.95
 # The final score is the mean over this many last evaluations.
 FINAL_EVALUATIONS = 8
 
 _DTYPES = {
-    name: np.dtype({"lam": "f8", "diverged": "?"}.get(name, "i8")) for name in EVALUATION_COLUMNS
+    name: np.dtype({"lam": "f8", "diverged": "?", "denormal": "?"}.get(name, "i8"))
+    for name in EVALUATION_COLUMNS
 }
 
 
@@ -40,10 +43,11 @@ class Evaluations:
     steps: NDArray[np.int64]  # [runs, evaluations], learning steps of the run so far
     catches: NDArray[np.int64]  # [runs, evaluations], the score: situations that end in a catch
     diverged: NDArray[np.bool_]  # [runs, evaluations], whether the run had; it then has no catch
+    denormal: NDArray[np.bool_]  # [runs, evaluations], whether some weights are subnormal numbers
 
     def __post_init__(self) -> None:
         runs, evaluations = self.seed.size, self.situations.size
-        shapes = ((runs,), (runs,), (evaluations,), *[(runs, evaluations)] * 3)
+        shapes = ((runs,), (runs,), (evaluations,), *[(runs, evaluations)] * 4)
         for name, shape in zip(EVALUATION_COLUMNS, shapes, strict=True):
             array = getattr(self, name)
             if array.shape != shape or array.dtype != _DTYPES[name]:
@@ -75,6 +79,11 @@ class Evaluations:
         return int(self.diverged[:, -1].sum())
 
     @property
+    def denormal_runs(self) -> int:
+        """How many runs have learned weights too small for full precision."""
+        return int(self.denormal[:, -1].sum())
+
+    @property
     def mean_score(self) -> NDArray[np.float64]:
         """Mean score of each run after learning began, so without its first: ``[runs]``."""
         return self.catches[:, 1:].mean(axis=1)
@@ -97,7 +106,6 @@ class Outcome(Evaluations):
     train_seconds: float  # learning, without the two below
     compile_seconds: float
     evaluate_seconds: float
-    denormal: NDArray[np.bool_]  # [runs], whether some of the learned weights are subnormal numbers
 
     def of(self, runs: slice) -> Self:
         """What came of some of the runs; the batch stays the one they were in."""
@@ -153,7 +161,7 @@ def summarise(outcome: Outcome) -> Summary:
         final_score=final_score,
         final_score_interval=final_score_interval,
         confidence=CONFIDENCE,
-        denormal_runs=int(outcome.denormal.sum()),
+        denormal_runs=outcome.denormal_runs,
     )
 
 
@@ -223,11 +231,12 @@ def _rows_of_each_run(evaluations: Evaluations) -> Iterator[bytes]:
         evaluations.steps,
         evaluations.catches,
         evaluations.diverged.astype(int),
+        evaluations.denormal.astype(int),
     )
     for seed, lam, *columns in zip(*(a.tolist() for a in of_each_run), strict=True):
         run = f"{seed},{lam!r}"  # repr is the shortest text that reads back exactly
         rows = zip(situations, *columns, strict=True)
-        yield "".join(f"{run},{a},{b},{c},{d}\n" for a, b, c, d in rows).encode()
+        yield "".join(f"{run},{a},{b},{c},{d},{e}\n" for a, b, c, d, e in rows).encode()
 
 
 def read_evaluations(path: Path) -> Evaluations:
@@ -245,9 +254,9 @@ def read_evaluations(path: Path) -> Evaluations:
 
 def _parse_evaluations(text: str) -> Evaluations:
     header, _, body = text.partition("\n")
-    # Before there was the last one, runs that diverged had no result.
-    known = EVALUATION_COLUMNS if EVALUATION_COLUMNS[-1] in header else EVALUATION_COLUMNS[:-1]
-    if tuple(header.split(",")[: len(known)]) != known:
+    pairs = zip(EVALUATION_COLUMNS, header.split(","), strict=False)
+    known = [name for name, _ in takewhile(lambda pair: pair[0] == pair[1], pairs)]
+    if len(known) < _ALWAYS:
         raise ValueError(f"its columns must begin {','.join(EVALUATION_COLUMNS)}")
     if not body.strip():
         raise ValueError("it has no rows")
@@ -277,5 +286,8 @@ def _parse_evaluations(text: str) -> Evaluations:
         situations=table["situations"][0],
         steps=table["steps"],
         catches=table["catches"],
-        diverged=table["diverged"] if "diverged" in known else np.zeros(table.shape, dtype=bool),
+        **{
+            flag: table[flag] if flag in known else np.zeros(table.shape, dtype=bool)
+            for flag in EVALUATION_COLUMNS[_ALWAYS:]
+        },
     )

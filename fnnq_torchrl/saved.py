@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import torch
+from tensordict import TensorDictBase
 
 from fnnq_torchrl.batches import ASIDE, BATCHABLE
 from fnnq_torchrl.config import Config, ConfigError
@@ -47,8 +48,12 @@ class SavedTraining:
         content = {"identity": self._identity, "ledger": ledger.state_dict(hands)}
         write_plain(self.path, FORMAT, content)
 
-    def load(self, ledger: Ledger) -> bool:
+    def load(self, ledger: Ledger, begun: TensorDictBase) -> bool:
         """Go on from the file.
+
+        Args:
+            ledger: of the batch.
+            begun: the state of any of its runs that has begun, ``[1]``.
 
         Returns:
             Whether there is one.
@@ -66,7 +71,7 @@ class SavedTraining:
             raise ConfigError(f"{error}; resume=never begins anew") from error
         try:
             same = content["identity"] == self._identity
-            loaded = same and ledger.load_state_dict(content["ledger"])
+            loaded = same and ledger.load_state_dict(content["ledger"], begun)
         except (AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
             raise ConfigError(
                 f"{self.path} is not a complete saved training; resume=never begins anew"

@@ -14,6 +14,7 @@ class SnapshotBook:
         pages: batch size ``[evaluations, runs]``: ``weights`` by name, and ``steps``, int64. The
             first page has the weights before learning.
         collected: the last page that each run has, int64 ``[runs]``.
+        every: situations from one page to the next.
 
     Args:
         weights: of the runs before learning, by name, each ``[runs, *weights]``.
@@ -22,7 +23,7 @@ class SnapshotBook:
     """
 
     def __init__(self, weights: Mapping[str, Tensor], every: int, evaluations: int):
-        self._every = every
+        self.every = every
         self._last = evaluations - 1
         first = next(iter(weights.values()))
         runs, device = len(first), first.device
@@ -64,7 +65,7 @@ class SnapshotBook:
             runs: the number of each lane's run, −1 where there is none, int64 ``[lanes]``.
             state: the program's, ``[lanes]``.
         """
-        due = (state["situations"].squeeze(-1).cpu() // self._every).clamp(max=self._last)
+        due = (state["situations"].squeeze(-1).cpu() // self.every).clamp(max=self._last)
         lanes = ((runs >= 0) & (due > self.collected[runs])).nonzero().squeeze(-1)
         if len(lanes):
             runs, due = runs[lanes], due[lanes]

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from envs.follow_ball import FollowBall
 from fnnq_torchrl.config import Config, run_columns
-from fnnq_torchrl.denormals import denormal_runs
+from fnnq_torchrl.denormals import with_denormals
 from fnnq_torchrl.engine import choose, make_engine
 from fnnq_torchrl.evaluation import Playing
 from fnnq_torchrl.lanes import lanes_for, repeat_last
@@ -83,6 +83,12 @@ class Trainer:
             largest_value=config.diverged_beyond * config.env.largest_return,
         )
 
+    @property
+    @torch.no_grad()
+    def begun(self) -> TensorDict:
+        """The state in which the first run begins to learn, ``[1]``."""
+        return self.make_program(1).begin(self.run[:1])
+
     @torch.no_grad()
     def learn(
         self, on_progress: OnProgress = lambda done: None, keeper: Keeper | None = None
@@ -140,12 +146,13 @@ class Trainer:
             steps=pages["steps"].T.contiguous().cpu().numpy(),
             catches=ledger.catches.T.contiguous().numpy(),
             diverged=ledger.diverged.T.contiguous().numpy(),
+            # Page by page, since all at once would take several times the memory of all weights.
+            denormal=torch.stack([*map(with_denormals, pages["weights"])], dim=1).numpy(),
             batch_runs=config.num_seeds,
             batch_learning_steps=self.learning_steps,
             train_seconds=ledger.seconds["train"],
             compile_seconds=ledger.seconds["compile"],
             evaluate_seconds=ledger.seconds["evaluate"],
-            denormal=denormal_runs(self.weights).numpy(),
         )
 
     @property

@@ -1,7 +1,12 @@
-"""The schemas of ``conf/value/``: the keys of every kind of value function. No torch here."""
+"""The schemas of ``conf/value/``: the keys of every kind of value function. No torch here.
+
+A kind is a YAML in ``conf/value/`` and a file of the same name in ``fnnq_torchrl/values/``, whose
+network says what its schema is. The schemas that stand here are known before torch is loaded.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 from envs.ranges import (
@@ -17,10 +22,19 @@ from envs.ranges import (
     wholes,
 )
 from envs.world import OBSERVATIONS
+from fnnq_torchrl.choices import choices_of
 
-__all__ = ["ACTIVATIONS", "VALUES", "LabelsConfig", "MLPConfig", "TilesConfig", "ValueConfig"]
+__all__ = [
+    "ACTIVATIONS",
+    "KINDS",
+    "LabelsConfig",
+    "MLPConfig",
+    "TilesConfig",
+    "ValueConfig",
+    "schema_of",
+]
 
-KINDS = ("fnnq", "mlp", "rbf", "table", "tiles")
+KINDS = tuple(choices_of("value"))
 """The value functions by their names: ``conf/value/<kind>.yaml``, ``values/<kind>.py``."""
 
 ACTIVATIONS = ("tanh", "relu", "leaky_relu")
@@ -72,14 +86,26 @@ class MLPConfig(ValueConfig):
     sparsity: float = number(0, 1)
 
 
-VALUES: dict[str, type[ValueConfig]] = {
+_LIGHT: dict[str, type[ValueConfig]] = {
     "fnnq": LabelsConfig,
     "mlp": MLPConfig,
     "rbf": LabelsConfig,
     "table": LabelsConfig,
     "tiles": TilesConfig,
 }
-"""The schema of each kind."""
+
+
+def schema_of(kind: str) -> type[ValueConfig]:
+    """The keys of a kind of value function, one of `KINDS`; loads torch if they aren't here.
+
+    Raises:
+        ImportError: it has a YAML and no file in ``fnnq_torchrl/values/``.
+    """
+    if kind in _LIGHT:
+        return _LIGHT[kind]
+    values = import_module("fnnq_torchrl.values")  # by its name, since it stands on this module
+    schema: type[ValueConfig] = values.network_of(kind).schema
+    return schema
 
 
 def _unknown(inputs: dict[str, list[Any]], what: str) -> Iterator[OutOfRange]:

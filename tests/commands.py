@@ -4,10 +4,12 @@ import logging
 import sys
 
 from fnnq_torchrl import train
+from fnnq_torchrl.loggers import Loggers
 
 
 def fnnq_train(*arguments: object) -> int:
     """The exit status of the command. Hydra sets up the root logger, which is as it was then."""
+    Loggers.forget()  # as a new process has none
     root = logging.getLogger()
     level, handlers = root.level, root.handlers[:]
     argv, sys.argv = sys.argv, ["train", *map(str, arguments)]

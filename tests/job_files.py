@@ -34,7 +34,6 @@ def write_job(directory: Path, *overrides: str, sweep: Path | None = None) -> Jo
     evaluations = invented(asdict(job.config), 4.0)
     outcome = Outcome(
         **{field.name: getattr(evaluations, field.name) for field in fields(Evaluations)},
-        denormal=np.zeros(evaluations.runs, bool),
         batch_runs=evaluations.runs,
         batch_learning_steps=evaluations.learning_steps,
         train_seconds=2.0,

@@ -100,6 +100,10 @@ OTHERS = "is of another configuration or PyTorch; take another directory, or beg
 # A line, or where it ends in an ellipsis its beginning, by what is typed.
 TABLE: dict[str, dict[str, tuple[int, str]]] = {
     "wrong type": {
+        "train logger=mlflow logger.mlflow.timeout_s=x": (
+            2,
+            "logger.mlflow.timeout_s=x: must be a number in (0, inf)",
+        ),
         "train lam=abc": (2, "lam=abc: must be a number in [0, 1]"),
         "train num_seeds=1.5": (2, "num_seeds=1.5: must be a whole number >= 1"),
         "train env=null": (2, "env=null: must be follow_ball"),
@@ -155,6 +159,14 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train --config-path another/.hydra": (
             2,
             "--config-path another/.hydra: what a job has left is not to be trusted …",
+        ),
+        "train --config-dir finished/0/.hydra": (
+            2,
+            "--config-dir finished/0/.hydra: what a job has left is not to be trusted …",
+        ),
+        "train hydra.searchpath=[file://finished/0/.hydra]": (
+            2,
+            "hydra.searchpath: finished/0/.hydra: what a job has left is not to be trusted …",
         ),
         "train --experimental-rerun job.pickle": (
             2,

@@ -12,7 +12,8 @@ from hydra.core.utils import JobRuntime
 from omegaconf import OmegaConf
 
 from envs.ranges import allowed
-from fnnq_torchrl.compose import config_directory, load_config
+from fnnq_torchrl.choices import config_directory
+from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import (
     PER_RUN,
     Config,
@@ -22,7 +23,8 @@ from fnnq_torchrl.config import (
     run_columns,
     to_config,
 )
-from fnnq_torchrl.value_config import VALUES
+from fnnq_torchrl.value_config import KINDS, schema_of
+from fnnq_torchrl.values import network_of
 
 CONF = config_directory()
 FILES = {path.relative_to(CONF) for path in CONF.rglob("*") if path.is_file()}
@@ -117,7 +119,7 @@ def test_overrides_reach_their_keys():
     ("kind", "key"),
     [
         *(("fnnq", key) for key in allowed(Config)),
-        *((kind, key) for kind in VALUES for key in allowed(VALUES[kind], "value.")),
+        *((kind, key) for kind in KINDS for key in allowed(schema_of(kind), "value.")),
     ],
 )
 def test_every_key_has_a_type_and_a_range(kind, key):
@@ -129,9 +131,9 @@ def test_every_key_has_a_type_and_a_range(kind, key):
 
 
 def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
-    assert {path.stem for path in FILES if path.parent.name == "value"} == VALUES.keys()
-    for kind in VALUES:
+    for kind in KINDS:
         assert load_config(f"value={kind}").value.kind == kind
+        assert network_of(kind).schema is schema_of(kind)
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
 
 def load_training(path: Path) -> object:
     trainer = Trainer(JOB)
-    SavedTraining(path.parent, JOB, "eager").load(trainer.ledger)
+    SavedTraining(path.parent, JOB, "eager").load(trainer.ledger, trainer.begun)
     return trainer.ledger.state_dict() | {"seconds": None}
 
 
@@ -237,6 +237,44 @@ def test_a_file_with_a_wrong_entry(home: Home, name: str, data: st.DataObject) -
         assert name == CHECKPOINT or above in ("hands", "seconds")  # which may be anything empty
         for key in expected.keys() - {above}:
             assert same(found[key], expected[key]), key
+
+
+STATE = Trainer(JOB).begun.to_dict()
+CRAFTED: dict[str, tuple[str, Any]] = {
+    "more situations than there are": ("learned", torch.tensor([6, 0])),
+    "a page that there isn't": ("collected", torch.tensor([0, 2])),
+    "fewer catches than none": ("catches", torch.tensor([[-1, 0], [0, 0]])),
+    "more catches than tests": ("catches", torch.tensor([[9, 0], [0, 0]])),
+    "fewer steps than none": ("steps", torch.tensor([[0, 0], [-1, 0]])),
+    "no time": ("seconds", {"train": float("nan")}),
+    "the time of something else": ("seconds", {"dance": 1.0}),
+    "the state of no run": ("hands", [(torch.tensor([7]), STATE)]),
+    "a state without entries": ("hands", [(torch.tensor([0]), {})]),
+    "a state of another precision": ("hands", [(torch.tensor([0]), STATE | {"alpha": 1})]),
+    "a state before its beginning": (
+        "hands",
+        [(torch.tensor([0]), STATE | {"steps": torch.tensor([[-1]])})],
+    ),
+}
+
+
+@pytest.mark.parametrize("what", CRAFTED)
+def test_a_training_that_nothing_can_have_come_to(home: Home, what: str) -> None:
+    """Made by somebody who knows the format and the configuration."""
+    content = torch.load(home.files / TRAINING, weights_only=True)
+    entry, crafted = CRAFTED[what]
+    content["ledger"][entry] = crafted
+    write_plain(home.damaged / TRAINING, content.pop("format"), content)
+    _, refused = read(home, TRAINING)
+    assert "is not a complete saved training" in (refused or "")
+
+
+def test_a_state_in_hand_is_gone_on_from(home: Home) -> None:
+    content = torch.load(home.files / TRAINING, weights_only=True)
+    content["ledger"]["hands"] = [(torch.tensor([0]), STATE)]
+    write_plain(home.damaged / TRAINING, content.pop("format"), content)
+    _, refused = read(home, TRAINING)
+    assert refused is None
 
 
 def test_a_summary_of_other_types_is_refused(home: Home) -> None:

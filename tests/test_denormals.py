@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tensordict import TensorDict
 
-from fnnq_torchrl.denormals import denormal_runs
+from fnnq_torchrl.denormals import with_denormals
 from fnnq_torchrl.job import run_job
+from fnnq_torchrl.results import read_evaluations
 
 from .programs import config
 
@@ -27,7 +28,7 @@ def test_a_run_is_found_by_any_of_its_weights(dtype: torch.dtype, data: st.DataO
     for run, hit in enumerate(expected):
         if hit:
             weights[data.draw(st.sampled_from("ab"))][run].view(-1)[1] = data.draw(subnormal)
-    assert denormal_runs(weights).tolist() == expected
+    assert with_denormals(weights).tolist() == expected
 
 
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
@@ -37,11 +38,14 @@ def test_a_job_tells_and_counts_them(
     runs = ("situations=5", "engine=eager", f"machine.dtype={dtype}", "seed=3", "num_seeds=2")
     run_job(config(*runs, "alpha=1e-42"), tmp_path)
     counted = json.loads((tmp_path / "summary.json").read_text())["denormal_runs"]
+    marked = read_evaluations(tmp_path / "evaluations.csv").denormal.tolist()
     stderr = capsys.readouterr().err
     if dtype == "float32":
         assert counted == 2
+        assert marked == [[False, True], [False, True]]
         [line] = [line for line in stderr.splitlines() if "denormal" in line]
         assert line.startswith("denormal: 2 of 2 runs (seed 3, 4) have weights too small")
     else:
         assert counted == 0
+        assert marked == [[False, False], [False, False]]
         assert "denormal" not in stderr

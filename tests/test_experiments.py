@@ -96,6 +96,7 @@ def test_the_measures_by_hand() -> None:
         steps=catches,
         catches=catches,
         diverged=np.zeros(catches.shape, dtype=bool),
+        denormal=np.zeros(catches.shape, dtype=bool),
     )
     found = {name: measure.of(evaluations)[0] for name, measure in MEASURES.items()}
     assert found == {

@@ -31,6 +31,7 @@ def evaluations(lams: list[float], runs: int, count: int = 41, best: int = 5) ->
         steps=np.full(shape, 7),
         catches=np.random.default_rng(0).integers(0, best + 1, size=shape),
         diverged=np.zeros(shape, dtype=bool),
+        denormal=np.zeros(shape, dtype=bool),
     )
 
 
@@ -134,6 +135,7 @@ def test_unequal_numbers_of_runs_are_told() -> None:
         data.steps[1:],
         data.catches[1:],
         data.diverged[1:],
+        data.denormal[1:],
     )
     shown = [text.get_text() for text in texts(learning_curve_figure(rest))]
     assert "Learning curves for 2 values of λ, 2 to 3 runs each" in shown

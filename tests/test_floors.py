@@ -21,6 +21,7 @@ FLOORS = {
     "fnnq_torchrl.arguments": 0,
     "fnnq_torchrl.atomic": 0,
     "fnnq_torchrl.batches": 1,
+    "fnnq_torchrl.choices": 0,
     "fnnq_torchrl.config": 0,
     "fnnq_torchrl.denormals": 0,
     "fnnq_torchrl.interruptions": 0,

@@ -125,10 +125,11 @@ def test_the_second_order_is_obeyed_at_once() -> None:
 def test_signals_are_what_they_were_before() -> None:
     before = [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)]
     with Interruptions(1e9) as work:
-        assert Interruptions.current is work
         assert signal.getsignal(signal.SIGTERM) != before[0]
+        with work.watched():
+            assert Interruptions.current is work
+        assert Interruptions.current is None
     assert [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)] == before
-    assert Interruptions.current is None
 
 
 def test_signals_that_somebody_answers_are_theirs() -> None:

@@ -28,7 +28,7 @@ from fnnq_torchrl.results import read_evaluations
 from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.snapshot_file import load_snapshots
 from fnnq_torchrl.trainer import Trainer
-from fnnq_torchrl.value_config import VALUES, LabelsConfig
+from fnnq_torchrl.value_config import KINDS, LabelsConfig, schema_of
 from fnnq_torchrl.values import make_value_network
 
 SCHEMAS = (Config, World, LabelsConfig, ActionConfig, EvaluationConfig, MachineConfig)
@@ -102,9 +102,9 @@ def record_keys_read(schemas, monkeypatch):
     return read
 
 
-@pytest.mark.parametrize("kind", VALUES)
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_key_of_a_value_function_is_read(monkeypatch, kind):
-    config, schema = load_config(f"value={kind}").value, VALUES[kind]
+    config, schema = load_config(f"value={kind}").value, schema_of(kind)
     read = record_keys_read([schema], monkeypatch)
     make_value_network(config, torch.linspace(-1, 1, 3), runs=1)
     assert read == {(schema, name) for name in schema.__dataclass_fields__}
@@ -124,7 +124,8 @@ def test_every_key_is_read_by_something(monkeypatch):
 def save_half_done(config, directory, jobs=()):
     """The training as it is when it has only begun; of all the jobs, where there are some."""
     trainer = Trainer(*as_one([job.config for job in jobs])) if jobs else Trainer(config)
-    trainer.ledger.catches.fill_(-1)  # as no training has them: whoever goes on is known by that
+    best = trainer.ledger.played.shape[-1]
+    trainer.ledger.catches.fill_(best)  # without having learned: who goes on is known by that
     trainer.ledger.played.fill_(True)
     SavedTraining(directory, config, trainer.engine.name).save(trainer.ledger, [])
 
@@ -133,11 +134,11 @@ def test_a_job_goes_on_unless_it_is_to_begin_anew(tmp_path, capsys):
     config = load_config("situations=5")
     save_half_done(config, tmp_path)
     run_job(replace(config, resume="never"), tmp_path)
-    assert read_evaluations(tmp_path / "evaluations.csv").catches.min() >= 0
+    assert read_evaluations(tmp_path / "evaluations.csv").catches.min() < 5
     assert not (tmp_path / "training.pt").exists()
     save_half_done(config, tmp_path)
     run_job(config, tmp_path)
-    assert read_evaluations(tmp_path / "evaluations.csv").catches.max() == -1
+    assert read_evaluations(tmp_path / "evaluations.csv").catches.min() == 5
     assert not (tmp_path / "training.pt").exists()
     assert "going on from" in capsys.readouterr().err
 
@@ -169,7 +170,7 @@ def test_the_engine_doesnt_depend_on_the_batch_that_a_job_is_in(situations):
 def test_a_signal_ends_all_batches(tmp_path, monkeypatch):
     begun = []
 
-    def interrupted(batch, pictures):
+    def interrupted(batch, pictures, interruptions):
         begun.append(batch)
         raise Interrupted(15)
 
@@ -178,6 +179,44 @@ def test_a_signal_ends_all_batches(tmp_path, monkeypatch):
     with pytest.raises(Interrupted):
         list(run_batches([batch, batch], pictures=False))
     assert len(begun) == 1
+
+
+def test_a_signal_while_files_are_written_ends_what_comes_after(tmp_path, monkeypatch):
+    """They are written in one piece, and the next batch doesn't begin."""
+    write = job_module._write
+
+    def interrupted(*arguments):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return write(*arguments)
+
+    monkeypatch.setattr(job_module, "_write", interrupted)
+    jobs = [Job(load_config("situations=5"), tmp_path / name) for name in ("first", "second")]
+    for job in jobs:
+        job.directory.mkdir()
+    results = run_batches([[job] for job in jobs], pictures=False)
+    [score] = next(results)
+    assert isinstance(score, float)
+    assert (jobs[0].directory / "summary.json").exists()
+    with pytest.raises(Interrupted):
+        next(results)
+    assert not (jobs[1].directory / "summary.json").exists()
+
+
+def test_a_job_whose_files_are_being_written_ends_as_any_other(tmp_path, monkeypatch):
+    write = job_module.write_summary
+
+    def interrupted(*arguments):
+        os.kill(os.getpid(), signal.SIGTERM)
+        write(*arguments)
+
+    monkeypatch.setattr(job_module, "write_summary", interrupted)
+    assert run_job(load_config("situations=5"), tmp_path) >= 0
+
+
+def test_an_earlier_picture_does_not_stay_beside_new_files(tmp_path):
+    (tmp_path / "learning_curve.png").write_text("another job's")
+    list(run_batches([[Job(load_config("situations=5"), tmp_path)]], pictures=False))
+    assert not (tmp_path / "learning_curve.png").exists()
 
 
 def test_a_full_disk_leaves_the_training_to_go_on_from(tmp_path, capsys):
@@ -226,7 +265,7 @@ def test_a_save_that_fails_ends_only_what_ends_anyway(tmp_path, monkeypatch, cap
 
 def test_a_damaged_training_is_told_before_any_batch_begins(tmp_path, monkeypatch):
     begun = []
-    monkeypatch.setattr(job_module, "_run_batch", lambda batch, pictures: begun.append(batch))
+    monkeypatch.setattr(job_module, "_run_batch", lambda batch, *_: begun.append(batch))
     (tmp_path / "second").mkdir()
     (tmp_path / "second" / "training.pt").write_bytes(b"damage")
     config = load_config("situations=5")

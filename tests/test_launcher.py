@@ -187,10 +187,10 @@ def test_a_batch_that_breaks_leaves_the_others(
 ) -> None:
     run = job_module._run_batch
 
-    def breaks(batch, pictures):
+    def breaks(batch, *others):
         if batch[0].config.trace == "output":
             raise ZeroDivisionError("a bug")
-        return run(batch, pictures)
+        return run(batch, *others)
 
     monkeypatch.setattr(job_module, "_run_batch", breaks)
     sweep = ("trace=output,gradient", "seed=0,1", *QUICKEST, f"hydra.sweep.dir={tmp_path}", "-m")

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import ClassVar
 
 import pytest
@@ -19,8 +20,8 @@ FILES = ("checkpoint.pt", "evaluations.csv", "learning_curve.png", "summary.json
 
 
 @pytest.fixture(autouse=True)
-def none_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Loggers, "left_out", set())
+def none_left_out() -> None:
+    Loggers.forget()
 
 
 class Recording:
@@ -49,11 +50,11 @@ class Recording:
 
 @pytest.fixture
 def recording(monkeypatch: pytest.MonkeyPatch) -> type[Recording]:
-    monkeypatch.setattr(
-        guarded_module,
-        "_chosen",
-        lambda config: [(name, Recording(name)) for name in vars(config) if getattr(config, name)],
-    )
+    def module(path: str, package: str) -> SimpleNamespace:
+        name = path.removeprefix(".")
+        return SimpleNamespace(**{f"{name.capitalize()}Logger": lambda settings: Recording(name)})
+
+    monkeypatch.setattr(guarded_module, "import_module", module)
     monkeypatch.setattr(Recording, "log", [])
     return Recording
 
@@ -92,6 +93,22 @@ def test_a_logger_that_fails_is_told_of_once_and_left_out(
     assert told == ["going on without wandb, which has failed: [Errno 28] No space left on device"]
     for job in ("0", "1"):
         assert all((tmp_path / job / name).exists() for name in FILES if "curve" not in name)
+
+
+def test_a_logger_that_cant_begin_is_left_out(
+    recording: type[Recording],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def fail(self: Recording, name: str) -> None:
+        raise RuntimeError("its service\ndoesn't start")
+
+    monkeypatch.setattr(recording, "__init__", fail)
+    assert fnnq_train(*QUICK, "logger=mlflow", f"hydra.run.dir={tmp_path}") == 0
+    told = [line for line in capfd.readouterr().err.splitlines() if "going on without" in line]
+    assert told == ["going on without mlflow, which has failed: its service doesn't start"]
+    assert (tmp_path / "summary.json").exists()
 
 
 def test_results_are_the_same_whoever_logs_them(

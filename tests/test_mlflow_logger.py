@@ -15,7 +15,7 @@ from .job_files import keys_read, write_job
 def test_jobs_and_their_sweep_are_in_one_database(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Loggers, "left_out", set())
+    Loggers.forget()
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     monkeypatch.chdir(tmp_path)
     chosen = ("logger=mlflow", "logger.mlflow.experiment=ball")

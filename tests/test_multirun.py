@@ -13,7 +13,8 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from fnnq_torchrl import cli  # noqa: F401  # registers what conf/config.yaml refers to
-from fnnq_torchrl.compose import VERSION_BASE, config_directory
+from fnnq_torchrl.choices import config_directory
+from fnnq_torchrl.compose import VERSION_BASE
 from fnnq_torchrl.config import PER_RUN, ConfigError, to_config
 from fnnq_torchrl.multirun import SweptJob, compose_jobs
 

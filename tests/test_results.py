@@ -25,21 +25,21 @@ TWO_RUNS = Outcome(
     steps=np.array([[0, 310, 600], [0, 280, 450]]),
     catches=np.array([[1, 2, 4], [0, 5, 5]]),
     diverged=np.array([[False, False, False], [False, False, True]]),
+    denormal=np.array([[False, False, False], [False, True, True]]),
     batch_runs=4,
     batch_learning_steps=2100,
     train_seconds=0.5,
     compile_seconds=0.25,
     evaluate_seconds=0.125,
-    denormal=np.array([False, True]),
 )
 TWO_RUNS_CSV = """\
-seed,lam,situations,steps,catches,diverged
-3,0.2,0,0,1,0
-3,0.2,5,310,2,0
-3,0.2,10,600,4,0
-4,0.1,0,0,0,0
-4,0.1,5,280,5,0
-4,0.1,10,450,5,1
+seed,lam,situations,steps,catches,diverged,denormal
+3,0.2,0,0,1,0,0
+3,0.2,5,310,2,0,0
+3,0.2,10,600,4,0,0
+4,0.1,0,0,0,0,0
+4,0.1,5,280,5,0,1
+4,0.1,10,450,5,1,1
 """
 SINGLE_RUN = replace(
     TWO_RUNS,
@@ -48,6 +48,7 @@ SINGLE_RUN = replace(
     steps=TWO_RUNS.steps[:1],
     catches=TWO_RUNS.catches[:1],
     diverged=TWO_RUNS.diverged[:1],
+    denormal=TWO_RUNS.denormal[:1],
 )
 
 
@@ -65,6 +66,7 @@ def any_evaluations(draw: st.DrawFn) -> Evaluations:
         steps=draw(hnp.arrays(np.int64, (runs, evaluations), elements=counts)),
         catches=draw(hnp.arrays(np.int64, (runs, evaluations), elements=counts)),
         diverged=draw(hnp.arrays(np.bool_, (runs, evaluations))),
+        denormal=draw(hnp.arrays(np.bool_, (runs, evaluations))),
     )
 
 
@@ -91,19 +93,22 @@ def test_further_columns_are_passed_over(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_evaluations(path).catches, TWO_RUNS.catches)
 
 
-def test_a_file_without_the_last_column_has_no_diverged_runs(tmp_path: Path) -> None:
+@pytest.mark.parametrize("columns", [5, 6])
+def test_a_file_from_before_the_flags_has_none_of_them(tmp_path: Path, columns: int) -> None:
     path = tmp_path / "evaluations.csv"
-    path.write_text("".join(f"{row.rpartition(',')[0]}\n" for row in TWO_RUNS_CSV.split()))
+    rows = (",".join(row.split(",")[:columns]) for row in TWO_RUNS_CSV.split())
+    path.write_text("".join(f"{row}\n" for row in rows))
     older = read_evaluations(path)
     np.testing.assert_array_equal(older.catches, TWO_RUNS.catches)
-    assert older.diverged_runs == 0
+    assert older.diverged_runs == (1 if columns == 6 else 0)
+    assert older.denormal_runs == 0
 
 
 def test_a_file_cut_anywhere_is_refused_unless_whole_runs_are_left(tmp_path: Path) -> None:
     path = tmp_path / "evaluations.csv"
     first_run = TWO_RUNS_CSV.index("4,0.1,0,0,0")
     # A lone first run that lacks its last rows can't be told from a shorter one.
-    readable = {first_run, TWO_RUNS_CSV.index("3,0.2,10,600,4,0")}
+    readable = {first_run, TWO_RUNS_CSV.index("3,0.2,10,600,4,0,0")}
     for length in range(len(TWO_RUNS_CSV)):
         path.write_text(TWO_RUNS_CSV[:length])
         if length in readable:
@@ -119,10 +124,10 @@ def test_a_file_cut_anywhere_is_refused_unless_whole_runs_are_left(tmp_path: Pat
         ("seed,lam", "lam,seed", "its columns must begin seed,lam,situations,steps,catches"),
         ("3,0.2,5,310,2", "9,0.2,5,310,2", "seed changes within a run"),
         ("3,0.2,5,310,2", "3,0.3,5,310,2", "lam changes within a run"),
-        ("3,0.2,5,310,2,0\n", "", "some run lacks"),
+        ("3,0.2,5,310,2,0,0\n", "", "some run lacks"),
         ("4,0.1,5", "4,0.1,6", "not all evaluated after the same situations"),
         ("4,0.1,5", "4,0.1,10", "not all evaluated after the same situations"),
-        ("4,0.1,0,0,0,0\n", "", "seed changes within a run"),
+        ("4,0.1,0,0,0,0,0\n", "", "seed changes within a run"),
         ("310,2", "310", "column"),
         ("310", "31x", "could not convert"),
         ("310", "3.5", "could not convert"),
@@ -181,6 +186,7 @@ def test_the_final_score_is_over_the_last_eight_evaluations() -> None:
         steps=catches,
         catches=catches,
         diverged=catches < 0,
+        denormal=catches < 0,
     )
     assert outcome.final_score == [1.5]
     assert outcome.mean_score == [2.2]

@@ -42,7 +42,7 @@ def make(tmp_path: Path) -> Make:
                 train_seconds=3.0,
                 compile_seconds=2.0,
                 evaluate_seconds=1.0,
-                denormal=np.zeros(len(scores), dtype=bool),
+                denormal=np.zeros(scores.shape, dtype=bool),
             )
             write_evaluations(directory / "evaluations.csv", outcome)
             write_summary(directory / "summary.json", summarise(outcome))

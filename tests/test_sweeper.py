@@ -9,7 +9,8 @@ from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from fnnq_torchrl import train
-from fnnq_torchrl.compose import VERSION_BASE, config_directory
+from fnnq_torchrl.choices import config_directory
+from fnnq_torchrl.compose import VERSION_BASE
 from fnnq_torchrl.config import Config
 from hydra_plugins.fnnq_torchrl import BatchSweeper
 

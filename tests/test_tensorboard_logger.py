@@ -20,8 +20,8 @@ def read(directory: Path) -> EventAccumulator:
 
 
 @pytest.fixture(autouse=True)
-def none_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Loggers, "left_out", set())
+def none_left_out() -> None:
+    Loggers.forget()
 
 
 def test_a_job_has_its_curve_band_histograms_and_pictures(tmp_path: Path) -> None:

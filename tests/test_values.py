@@ -1,11 +1,14 @@
 """The value functions that can take the fuzzy network's place."""
 
 import math
+import os
 import re
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import torch
@@ -13,10 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
+from fnnq_torchrl.checkpoint import load_checkpoint
 from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.lanes import LANES
 from fnnq_torchrl.native import NativeLoop
-from fnnq_torchrl.value_config import VALUES
+from fnnq_torchrl.value_config import KINDS
 from fnnq_torchrl.values import MLPValue, ValueNetwork, make_value_network
 
 from .oracles import approximators
@@ -27,7 +31,8 @@ RUNS = 3
 SMALL = {"mlp": ["value.widths=[6]"], "tiles": ["value.tilings=4", "value.tiles=3"]}
 """For the kinds that are large otherwise."""
 
-PAGE = Path(__file__).parents[1] / "docs" / "values.md"
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "values.md"
 
 numbers = st.integers(-200, 200).map(lambda n: n / 101)  # on no border but at 0
 
@@ -62,7 +67,7 @@ def by_labels(
     return [oracle(weights_of(network, run)["weight"], *where) for run in range(RUNS)]
 
 
-@pytest.mark.parametrize("kind", VALUES)
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("batch", [(), (4,), (4, 2)])
 def test_a_candidate_has_the_value_of_that_action(kind: str, batch: tuple[int, ...]) -> None:
     network = make(kind)
@@ -167,7 +172,7 @@ def test_a_perceptrons_start(sparsity: float, zeros: list[int]) -> None:
     assert abs(drawn.square().mean() - 1 / 3) < 5 * math.sqrt(4 / 45 / len(drawn))
 
 
-@pytest.mark.parametrize("kind", VALUES)
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_run_alone_is_the_run_in_a_batch(kind: str) -> None:
     small = config(f"value={kind}", "alpha=0.1", *SMALL.get(kind, []))
     runs = make_runs(small, 2 * LANES, lam=torch.linspace(0, 1, 2 * LANES))
@@ -180,7 +185,7 @@ def test_a_run_alone_is_the_run_in_a_batch(kind: str) -> None:
 
 
 @pytest.mark.usefixtures("compiler")
-@pytest.mark.parametrize("kind", VALUES)
+@pytest.mark.parametrize("kind", KINDS)
 def test_compiled_is_eager(kind: str) -> None:
     small = config(f"value={kind}", "alpha=0.1", "machine.dtype=float64", *SMALL.get(kind, []))
     runs = make_runs(small, LANES, lam=torch.linspace(0, 1, LANES))
@@ -206,20 +211,40 @@ def test_far_from_every_centre_radial_basis_functions_are_zero() -> None:
     assert (far == 0).all()
 
 
-@torch.no_grad()
-def test_the_documented_value_function_of_ones_own_learns() -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    names = {"torch": torch, "nn": torch.nn, "ValueNetwork": ValueNetwork}
-    exec(code, names)  # noqa: S102  # our own page
-    settings = config("alpha=0.01")
-    runs = make_runs(settings, 4)
-    candidates = torch.linspace(-1, 1, 21)
-    own = SimpleNamespace(inputs=["bearing"], order=2)
-    network = names["FourierValue"].from_config(own, candidates, runs=4)
-    state = advance(make_program(settings, runs, network), runs, 40)
-    assert state["weights", "weight"].shape == (4, 9)
-    assert (state["weights", "weight"] != 0).all()
-    network.weight.copy_(state["weights", "weight"])
-    bearing = torch.rand(4, 3, 1, generator=torch.Generator().manual_seed(0))
-    alone = network(bearing, action=candidates[7].expand_as(bearing))
-    torch.testing.assert_close(alone, network(bearing)[..., 7:8])
+@pytest.fixture(scope="module")
+def with_fourier(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A checkout with the page's two files added to it, and nothing else changed."""
+    root = tmp_path_factory.mktemp("checkout")
+    for name in ("conf", "envs", "fnnq_torchrl", "hydra_plugins"):
+        shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for language, path in (
+        ("python", "fnnq_torchrl/values/fourier.py"),
+        ("yaml", "conf/value/fourier.yaml"),
+    ):
+        (text,) = re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(), re.DOTALL)
+        (root / path).write_text(text)
+    return root
+
+
+def train_there(root: Path, *overrides: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "fnnq_torchrl.train", "value=fourier", *overrides]
+    here = {"PYTHONPATH": str(root)}  # before where the package is installed
+    return subprocess.run(
+        command, cwd=root, env=os.environ | here, capture_output=True, text=True, check=False
+    )
+
+
+def test_a_value_function_of_ones_own_is_a_file_and_a_yaml(with_fourier: Path) -> None:
+    ended = train_there(
+        with_fourier, "engine=eager", "value.order=2", "situations=5", "hydra.run.dir=job"
+    )
+    assert ended.returncode == 0, ended.stderr
+    weights = load_checkpoint(with_fourier / "job" / "checkpoint.pt").weights
+    assert weights["weight"].shape == (1, 9)
+    assert (weights["weight"] != 0).all()
+
+
+def test_its_mistakes_are_told_too(with_fourier: Path) -> None:
+    ended = train_there(with_fourier, "value.order=0", "hydra.run.dir=other")
+    told = "value.order=0: must be a whole number >= 1\n"
+    assert (ended.returncode, ended.stderr) == (2, told)

@@ -31,7 +31,7 @@ def nobody_logged_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name in [name for name in os.environ if name.startswith("WANDB")]:
         monkeypatch.delenv(name)
     monkeypatch.setenv("NETRC", str(tmp_path / "no.netrc"))
-    monkeypatch.setattr(Loggers, "left_out", set())
+    Loggers.forget()
 
 
 @pytest.fixture(autouse=True, scope="module")

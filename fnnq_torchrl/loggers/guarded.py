@@ -1,8 +1,10 @@
 """The chosen loggers side by side; whatever one does, training and result files go on."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from importlib import import_module
 from operator import methodcaller
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from fnnq_torchrl.batches import Job
 from fnnq_torchrl.config import ConfigError
@@ -15,7 +17,7 @@ from .base import JobResults, Logger, SweepResults
 class Loggers:
     """The loggers of some jobs.
 
-    A logger that fails is told of in one line, and left out from then on.
+    A logger that fails, as it begins or later, is told of in one line, and left out from then on.
 
     Args:
         config: which there are.
@@ -27,8 +29,27 @@ class Loggers:
     left_out: ClassVar[set[str]] = set()
     """The names of those that have failed in this process."""
 
+    _made: ClassVar[dict[str, "Loggers"]] = {}
+
     def __init__(self, config: LoggerConfig) -> None:
-        self._loggers = dict(_chosen(config))
+        self._loggers: dict[str, Logger] = {}
+        for name, settings in vars(config).items():
+            if settings is not None:
+                self._guard(name, partial(self._add, name, settings))
+
+    @classmethod
+    def of(cls, config: LoggerConfig) -> "Loggers":
+        """The same for the same configuration, however often a process asks for them."""
+        key = repr(config)
+        if key not in cls._made:
+            cls._made[key] = cls(config)
+        return cls._made[key]
+
+    @classmethod
+    def forget(cls) -> None:
+        """Begin as in a new process."""
+        cls._made.clear()
+        cls.left_out.clear()
 
     def foresee(self, jobs: Sequence[Job]) -> None:
         """See `Logger`."""
@@ -43,37 +64,30 @@ class Loggers:
         """See `Logger`."""
         self._each(methodcaller("log_sweep", sweep))
 
+    def _add(self, name: str, settings: Any) -> None:
+        """Only now is its module imported: their libraries take seconds."""
+        try:
+            module = import_module(f".{name}", __package__)
+        except ImportError as error:
+            install = f"pip install 'fnnq_torchrl[{name}]'"
+            raise ConfigError(
+                f"logger={name}: needs a library that isn't there; {install}"
+            ) from error
+        self._loggers[name] = getattr(module, f"{name.capitalize()}Logger")(settings)
+
     def _each(self, log: Callable[[Logger], None]) -> None:
         for name, logger in self._loggers.items():
-            if name in self.left_out:
-                continue
-            try:
-                log(logger)
-            except Exception as error:  # whatever it is: the results are on the disk already
-                self.left_out.add(name)
-                reason = " ".join(str(error).split()) or type(error).__name__
-                announce(f"going on without {name}, which has failed: {reason}")
+            self._guard(name, partial(log, logger))
 
-
-def _chosen(config: LoggerConfig) -> Iterator[tuple[str, Logger]]:
-    """The loggers by name. Each is imported only if it's chosen: their libraries take seconds."""
-    name = ""
-    try:
-        if config.wandb is not None:
-            name = "wandb"
-            from .wandb import WandbLogger
-
-            yield name, WandbLogger(config.wandb)
-        if config.tensorboard is not None:
-            name = "tensorboard"
-            from .tensorboard import TensorboardLogger
-
-            yield name, TensorboardLogger(config.tensorboard)
-        if config.mlflow is not None:
-            name = "mlflow"
-            from .mlflow import MlflowLogger
-
-            yield name, MlflowLogger(config.mlflow)
-    except ImportError as error:
-        install = f"pip install 'fnnq_torchrl[{name}]'"
-        raise ConfigError(f"logger={name}: needs a library that isn't there; {install}") from error
+    def _guard(self, name: str, use: Callable[[], None]) -> None:
+        """Use a logger, unless it has failed; if it does so now, say so."""
+        if name in self.left_out:
+            return
+        try:
+            use()
+        except ConfigError:
+            raise
+        except Exception as error:  # whatever it is: no result depends on it
+            self.left_out.add(name)
+            reason = " ".join(str(error).split()) or type(error).__name__
+            announce(f"going on without {name}, which has failed: {reason}")

@@ -5,8 +5,10 @@ active run of the whole process, and never ends a run.
 """
 
 import logging
+import math
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 # Before the import: MLflow would report its use to its makers.
@@ -41,6 +43,9 @@ class MlflowLogger:
     def __init__(self, settings: MlflowConfig) -> None:
         self._uri = settings.tracking_uri or os.environ.get("MLFLOW_TRACKING_URI", "")
         self._experiment = settings.experiment
+        # MLflow's own would be two minutes, seven times over.
+        os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(math.ceil(settings.timeout_s)))
+        os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "1")
 
     def foresee(self, jobs: Sequence[Job]) -> None:
         """There is nothing to know."""
@@ -90,12 +95,17 @@ class MlflowLogger:
         )
         key = run.info.run_id
         now_ms = run.info.start_time
-        client.log_batch(key, params=settings)
-        for begin in range(0, len(metrics), _METRICS_AT_ONCE):
-            some = metrics[begin : begin + _METRICS_AT_ONCE]
-            client.log_batch(key, [Metric(of, value, now_ms, step) for of, value, step in some])
-        for file in files:
-            client.log_artifact(key, str(file))
+        try:
+            client.log_batch(key, params=settings)
+            for begin in range(0, len(metrics), _METRICS_AT_ONCE):
+                some = metrics[begin : begin + _METRICS_AT_ONCE]
+                client.log_batch(key, [Metric(of, value, now_ms, step) for of, value, step in some])
+            for file in files:
+                client.log_artifact(key, str(file))
+        except BaseException:
+            with suppress(Exception):  # its server may be gone; what it was is told
+                client.set_terminated(key, "FAILED")
+            raise
         client.set_terminated(key)
 
 

@@ -1,6 +1,7 @@
 """TensorBoard: events of each job: its curve and band, its scores as histograms, its pictures."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,14 @@ class TensorboardLogger:
         """There is nothing to know."""
 
     def log_job(self, job: JobResults) -> None:
-        logger = self._writer(job.directory)
+        with self._writer(job.directory) as logger:
+            self._log_job(logger, job)
+
+    def log_sweep(self, sweep: SweepResults) -> None:
+        with self._writer(sweep.directory) as logger:
+            _log_pictures(logger, sweep.pictures, step=sweep.jobs)
+
+    def _log_job(self, logger: Writer, job: JobResults) -> None:
         evaluations, curve = job.evaluations, job.curve
         best = len(job.job.config.evaluation.situations)
         for place, situations in enumerate(evaluations.situations.tolist()):
@@ -48,15 +56,14 @@ class TensorboardLogger:
         }
         writer.add_hparams(plain, job.scores, run_name=".")
         _log_pictures(logger, job.pictures, step=int(evaluations.situations[-1]))
-        writer.close()
 
-    def log_sweep(self, sweep: SweepResults) -> None:
-        logger = self._writer(sweep.directory)
-        _log_pictures(logger, sweep.pictures, step=sweep.jobs)
-        logger.experiment.close()
-
-    def _writer(self, directory: Path) -> Writer:
-        return Writer(exp_name=self._directory, log_dir=str(directory))
+    @contextmanager
+    def _writer(self, directory: Path) -> Iterator[Writer]:
+        logger = Writer(exp_name=self._directory, log_dir=str(directory))
+        try:
+            yield logger
+        finally:
+            logger.experiment.close()
 
 
 def _bins(best: int) -> list[float]:

@@ -51,10 +51,12 @@ class WandbLogger:
     def __init__(self, settings: WandbConfig) -> None:
         self._settings = settings
         self._mode, self._asked_for = _mode(settings.mode)
+        self._told: set[str] = set()
+        self._logged: set[tuple[Path, int]] = set()  # single runs, by their job
 
     def foresee(self, jobs: Sequence[Job]) -> None:
         if not self._asked_for:
-            announce(
+            self._tell_once(
                 "wandb: nobody is logged in, so it logs offline; `wandb sync` uploads it later"
             )
         runs = (
@@ -62,10 +64,15 @@ class WandbLogger:
         )
         if runs > _MANY and self._settings.per != "sweep":
             fewer = "job" if runs > len(jobs) else "sweep"
-            announce(
+            self._tell_once(
                 f"wandb: {runs:,} wandb runs, which take about {runs * _RUN_S:.0f} s to log; "
                 f"logger.wandb.per={fewer} makes fewer"
             )
+
+    def _tell_once(self, line: str) -> None:
+        if line not in self._told:  # by an earlier batch of the same sweep
+            self._told.add(line)
+            announce(line)
 
     def log_job(self, job: JobResults) -> None:
         self._online_or_not(lambda: self._log_job(job))
@@ -98,6 +105,8 @@ class WandbLogger:
 
     def _log_run(self, job: JobResults, run: int) -> None:
         """One run of a job, with the job's pictures if it is the first."""
+        if (job.directory, run) in self._logged:  # before the server was lost
+            return
         values = {key: column[run] for key, column in job.runs.items()}
         config = job.settings | values
         del config["num_seeds"]
@@ -109,6 +118,7 @@ class WandbLogger:
                 log.summary[key] = float(getattr(evaluations, key)[run])
             if run == 0:
                 log.log(_images(job.pictures))
+        self._logged.add((job.directory, run))
 
     def _log_whole(self, job: JobResults) -> None:
         """A job's learning curve with its band, and its runs in a table."""
@@ -210,6 +220,7 @@ def _runs_table(job: JobResults) -> wandb.Table:
         "seed": evaluations.seed,
         "steps": evaluations.steps[:, -1],
         "diverged": evaluations.diverged[:, -1],
+        "denormal": evaluations.denormal[:, -1],
         "mean_score": evaluations.mean_score,
         "final_score": evaluations.final_score,
     }

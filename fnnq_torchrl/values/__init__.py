@@ -1,5 +1,7 @@
 """Value networks: Q(s, a) for batches of runs, each with weights of its own."""
 
+from importlib import import_module
+
 from torch import Tensor
 
 from fnnq_torchrl.value_config import ValueConfig
@@ -19,15 +21,28 @@ __all__ = [
     "TilesValue",
     "ValueNetwork",
     "make_value_network",
+    "network_of",
 ]
 
-_NETWORKS: dict[str, type[ValueNetwork]] = {
-    "fnnq": FNNQValue,
-    "mlp": MLPValue,
-    "rbf": RBFValue,
-    "table": TableValue,
-    "tiles": TilesValue,
-}
+
+def network_of(kind: str) -> type[ValueNetwork]:
+    """The network that ``values/<kind>.py`` defines.
+
+    Args:
+        kind: one of `fnnq_torchrl.value_config.KINDS`.
+
+    Raises:
+        ImportError: there is no such file.
+    """
+    module = import_module(f"{__name__}.{kind}")
+    [network] = [
+        each
+        for each in vars(module).values()
+        if isinstance(each, type)
+        and issubclass(each, ValueNetwork)
+        and each.__module__ == module.__name__
+    ]
+    return network
 
 
 def make_value_network(config: ValueConfig, candidates: Tensor, runs: int) -> ValueNetwork:
@@ -35,4 +50,4 @@ def make_value_network(config: ValueConfig, candidates: Tensor, runs: int) -> Va
 
     It has the dtype and the device of the candidate actions, ``[candidates]``.
     """
-    return _NETWORKS[config.kind].from_config(config, candidates, runs)
+    return network_of(config.kind).from_config(config, candidates, runs)

@@ -1,10 +1,12 @@
 """What a value network offers to policy and loss."""
 
 from abc import ABC, abstractmethod
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from tensordict import TensorDictBase
 from torch import Tensor, nn
+
+from fnnq_torchrl.value_config import ValueConfig
 
 
 class ValueNetwork(nn.Module, ABC):
@@ -14,6 +16,9 @@ class ValueNetwork(nn.Module, ABC):
         in_keys: the observations that it sees, by their names in the TensorDict.
         candidates: the actions among which the best is sought, ``[candidates]``.
     """
+
+    schema: ClassVar[type[ValueConfig]]
+    """What ``conf/value/`` says of it, for those that it has."""
 
     candidates: Tensor
 
@@ -27,7 +32,7 @@ class ValueNetwork(nn.Module, ABC):
         """The network that a configuration describes, for those that ``conf/value/`` has.
 
         Args:
-            config: of its kind (:data:`fnnq_torchrl.value_config.VALUES`).
+            config: of its kind (its `schema`).
             candidates: the actions among which the best is sought, ``[candidates]``; their dtype
                 and device are the network's.
             runs: how many learners it holds.

@@ -36,6 +36,8 @@ class LabelsValue(ValueNetwork):
         ValueError: if ``width`` is neither.
     """
 
+    schema = LabelsConfig
+
     candidate_shares: Tensor
 
     def __init__(

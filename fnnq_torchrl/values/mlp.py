@@ -50,6 +50,8 @@ class MLPValue(ValueNetwork):
         ValueError: there is no such activation.
     """
 
+    schema = MLPConfig
+
     def __init__(
         self,
         in_keys: Sequence[str],

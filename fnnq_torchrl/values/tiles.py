@@ -38,6 +38,8 @@ class TilesValue(ValueNetwork):
         runs: how many learners this batch holds; a single one serves inputs of any batch size.
     """
 
+    schema = TilesConfig
+
     candidate_tiles: Tensor
     numbers: Tensor
 
