@@ -138,7 +138,7 @@ def _check_saved(jobs: Sequence[Job]) -> None:
     """Refuse, before anything is computed, a saved training that can't be gone on from."""
     if jobs[0].config.resume == "auto" and (jobs[-1].directory / NAME).exists():
         trainer = Trainer(*as_one([job.config for job in jobs]))
-        _saved(jobs, trainer).load(trainer.ledger, trainer.begun)
+        _saved(jobs, trainer).load(trainer)
 
 
 def _saved(jobs: Sequence[Job], trainer: Trainer) -> SavedTraining:
@@ -182,7 +182,7 @@ def _run_batch(
 
 def _train(trainer: Trainer, saved: SavedTraining, interruptions: Interruptions) -> Outcome:
     """All of it, or what was left of it; saved from time to time, and when a signal ends it."""
-    if trainer.config.resume == "auto" and saved.load(trainer.ledger, trainer.begun):
+    if trainer.config.resume == "auto" and saved.load(trainer):
         announce(f"going on from {saved.path}")
     told = set()
 

@@ -6,13 +6,13 @@ from dataclasses import asdict
 from pathlib import Path
 
 import torch
-from tensordict import TensorDictBase
 
 from fnnq_torchrl.batches import ASIDE, BATCHABLE
 from fnnq_torchrl.config import Config, ConfigError
 from fnnq_torchrl.keeper import Hand
 from fnnq_torchrl.ledger import Ledger
 from fnnq_torchrl.plain import read_plain, write_plain
+from fnnq_torchrl.trainer import Trainer
 
 FORMAT = 2
 NAME = "training.pt"
@@ -48,12 +48,8 @@ class SavedTraining:
         content = {"identity": self._identity, "ledger": ledger.state_dict(hands)}
         write_plain(self.path, FORMAT, content)
 
-    def load(self, ledger: Ledger, begun: TensorDictBase) -> bool:
-        """Go on from the file.
-
-        Args:
-            ledger: of the batch.
-            begun: the state of any of its runs that has begun, ``[1]``.
+    def load(self, trainer: Trainer) -> bool:
+        """Have a trainer go on from the file.
 
         Returns:
             Whether there is one.
@@ -71,7 +67,7 @@ class SavedTraining:
             raise ConfigError(f"{error}; resume=never begins anew") from error
         try:
             same = content["identity"] == self._identity
-            loaded = same and ledger.load_state_dict(content["ledger"], begun)
+            loaded = same and trainer.ledger.load_state_dict(content["ledger"], trainer.begun)
         except (AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
             raise ConfigError(
                 f"{self.path} is not a complete saved training; resume=never begins anew"

@@ -56,7 +56,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
 
 def load_training(path: Path) -> object:
     trainer = Trainer(JOB)
-    SavedTraining(path.parent, JOB, "eager").load(trainer.ledger, trainer.begun)
+    SavedTraining(path.parent, JOB, "eager").load(trainer)
     return trainer.ledger.state_dict() | {"seconds": None}
 
 

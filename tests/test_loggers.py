@@ -95,6 +95,16 @@ def test_a_logger_that_fails_is_told_of_once_and_left_out(
         assert all((tmp_path / job / name).exists() for name in FILES if "curve" not in name)
 
 
+def test_a_sweep_of_several_launches_is_logged_once(
+    recording: type[Recording], tmp_path: Path
+) -> None:
+    sweep = (f"hydra.sweep.dir={tmp_path / 'sweep'}", "hydra.sweeper.max_batch_size=1", "-m")
+    assert fnnq_train(*SWEEP, "logger=mlflow", *sweep) == 0
+    of_each = [line for job in (0, 1) for line in ("foresees 1", f"sweep/{job} of sweep: 2 runs")]
+    of_each.append("sweep of 2, ['learning_curves.png']")
+    assert recording.log == [f"mlflow {line}" for line in of_each]
+
+
 def test_a_logger_that_cant_begin_is_left_out(
     recording: type[Recording],
     monkeypatch: pytest.MonkeyPatch,

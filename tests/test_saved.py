@@ -72,7 +72,7 @@ def make_trainer(job: Config, columns: dict[str, list[float]] | None = None) -> 
 def go_on(trainer: Trainer, directory: Path, stop_at: int) -> Outcome | None:
     """From where it was saved to its end or, if it is interrupted at that visit, to there: None."""
     saved = SavedTraining(directory, trainer.config, trainer.engine.name)
-    saved.load(trainer.ledger, trainer.begun)
+    saved.load(trainer)
     keeper = HandsKeeper(Stop(stop_at), partial(saved.save, trainer.ledger))
     try:
         trainer.learn(keeper=keeper)
@@ -115,7 +115,7 @@ def test_nothing_that_is_done_is_done_again(tmp_path: Path, uninterrupted) -> No
     first = make_trainer(JOB)
     assert go_on(first, tmp_path, stop_at=6) is None
     again = make_trainer(JOB)
-    assert SavedTraining(tmp_path, JOB, "compiled").load(again.ledger, again.begun)
+    assert SavedTraining(tmp_path, JOB, "compiled").load(again)
     learned = again.ledger.learned
     assert 0 < int(learned.sum()) < RUNS * JOB.situations
     assert (learned <= first.ledger.learned).all()  # the other worker was amid its steps
@@ -129,7 +129,7 @@ def test_a_part_of_the_runs_can_go_on_alone(tmp_path: Path, uninterrupted) -> No
     runs = slice(30, 60)
     part = replace(JOB, num_seeds=30)
     trainer = make_trainer(part, {key: of[runs] for key, of in run_columns(JOB).items()})
-    assert SavedTraining(tmp_path, part, "compiled").load(trainer.ledger, trainer.begun)
+    assert SavedTraining(tmp_path, part, "compiled").load(trainer)
     assert trainer.ledger.learned.any()
     trainer.learn()
     assert_same(trainer.evaluate(), trainer, uninterrupted, runs)
@@ -158,7 +158,7 @@ def saved(tmp_path: Path, compiler: None) -> Path:
 def test_another_trainings_file_is_refused(saved: Path, job: Config, engine: str) -> None:
     trainer = Trainer(job)
     with pytest.raises(ConfigError, match=r"another configuration.*; .*resume=never") as refused:
-        SavedTraining(saved.parent, job, engine).load(trainer.ledger, trainer.begun)
+        SavedTraining(saved.parent, job, engine).load(trainer)
     assert len(str(refused.value).splitlines()) == 1
     assert str(refused.value).count("resume=never") == 1
     assert not trainer.ledger.learned.any()
@@ -170,15 +170,13 @@ def test_another_trainings_file_is_refused(saved: Path, job: Config, engine: str
     ids=["resume", "checkpoint"],
 )
 def test_what_learning_does_not_depend_on_does_not_matter(saved: Path, job: Config) -> None:
-    assert SavedTraining(saved.parent, job, "compiled").load(
-        Trainer(job).ledger, Trainer(job).begun
-    )
+    assert SavedTraining(saved.parent, job, "compiled").load(Trainer(job))
 
 
 def test_another_pytorchs_file_is_refused(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch, "__version__", "0.4")
     with pytest.raises(ConfigError, match=r"or PyTorch; .*resume=never"):
-        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB).ledger, Trainer(JOB).begun)
+        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB))
 
 
 DAMAGE: dict[str, Callable[[bytes], bytes]] = {
@@ -195,7 +193,7 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
 def test_a_damaged_file_is_told_in_one_line(saved: Path, damage: str) -> None:
     saved.write_bytes(DAMAGE[damage](saved.read_bytes()))
     with pytest.raises(ConfigError, match=r"training\.pt is not .*resume=never") as refused:
-        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB).ledger, Trainer(JOB).begun)
+        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB))
     assert len(str(refused.value).splitlines()) == 1
 
 
@@ -206,7 +204,7 @@ def test_a_file_that_would_run_code_is_refused(saved: Path) -> None:
 
     torch.save({"format": 1, "identity": "", "ledger": Code()}, saved)
     with pytest.raises(ConfigError, match="is not a saved training"):
-        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB).ledger, Trainer(JOB).begun)
+        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB))
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a full disk")

@@ -226,12 +226,37 @@ def with_fourier(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def train_there(root: Path, *overrides: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "fnnq_torchrl.train", "value=fourier", *overrides]
+def run_there(root: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    command = (sys.executable, *command)
     here = {"PYTHONPATH": str(root)}  # before where the package is installed
     return subprocess.run(
         command, cwd=root, env=os.environ | here, capture_output=True, text=True, check=False
     )
+
+
+def train_there(root: Path, *overrides: str) -> subprocess.CompletedProcess[str]:
+    return run_there(root, "-m", "fnnq_torchrl.train", "value=fourier", *overrides)
+
+
+def test_its_candidates_have_the_values_of_those_actions(with_fourier: Path) -> None:
+    ended = run_there(
+        with_fourier,
+        "-c",
+        """
+import torch
+from fnnq_torchrl.compose import load_config
+from fnnq_torchrl.values import make_value_network
+
+candidates = torch.linspace(-1, 1, 21)
+network = make_value_network(load_config("value=fourier").value, candidates, runs=4)
+generator = torch.Generator().manual_seed(0)
+network.weight.detach().normal_(generator=generator)
+bearing = torch.rand(4, 3, 1, generator=generator)
+alone = network(bearing, action=candidates[7].expand_as(bearing))
+torch.testing.assert_close(alone, network(bearing)[..., 7:8])
+""",
+    )
+    assert ended.returncode == 0, ended.stderr
 
 
 def test_a_value_function_of_ones_own_is_a_file_and_a_yaml(with_fourier: Path) -> None:
