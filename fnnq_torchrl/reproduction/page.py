@@ -105,7 +105,7 @@ beyond 2 leaves Q farther off than it was; before, the target moves along with Q
 {steps}
 Where ‖f‖² is small, a small λ by *output* is much like a larger α; a large one steps beyond the
 target, until α has decayed. By *gradient* the step stays in proportion to ‖f‖². That is arithmetic;
-this is what the runs did:
+this is what the runs did, where those that diverge count as catching nothing from then on:
 
 {scores}
 """
@@ -272,6 +272,11 @@ def _readings(traces: Experiment) -> str:
                 for job in [traces.job(trace=trace, lam=lam)]
             ]
             rows.append([f"{MEASURES[measure].words.partition(' (')[0]}, {trace}", *cells])
+    for trace in traces.values("trace"):
+        jobs = [traces.job(trace=trace, lam=lam) for lam in lams]
+        rows.append(
+            [f"diverged runs, {trace}", *(f"{job.evaluations.diverged_runs:,}" for job in jobs)]
+        )
     heads = [setting_words("lam", lam) for lam in lams]
     picture = "![Scores against λ by both readings](figures/traces.png)\n"
     return _READINGS.format(
