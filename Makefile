@@ -12,7 +12,7 @@ JAX := benchmarks/.jax
 SB3 := benchmarks/peers/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation test test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation test fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -42,6 +42,9 @@ extrapolation: install  ## docs/extrapolation.md: what value functions do where 
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto
+
+fuzz: install  ## made-up overrides by the hundred, as test_bad_input.py has a few of
+	$(BIN)/python -m pytest -q tests/test_bad_input.py -k overrides --hypothesis-profile long
 
 test-wheel: install  ## build the wheel, install it in an empty environment and train from another directory
 	rm -rf dist && $(BIN)/python -m hatchling build -t wheel

@@ -71,27 +71,28 @@ def main() -> None:
         log(Path(sys.argv[2]), sys.argv[3:])
         return
     repetitions = int(sys.argv[1]) if len(sys.argv) > 1 else 3
-    training: list[float] = []
-    of_each: dict[str, list[tuple[float, float]]] = {"csv": []}
+    training: dict[int, list[float]] = {RUNS: [], FEWER_RUNS: []}
+    of_each: dict[str, list[tuple[float, float]]] = {name: [] for name in ("csv", *LOGGERS, "runs")}
     for _ in range(repetitions):
         with tempfile.TemporaryDirectory() as folder:
             trained, written = train(RUNS, Path(folder, "job"))
-            training.append(trained)
+            training[RUNS].append(trained)
             of_each["csv"].append((written, written))
             for name, overrides in LOGGERS.items():
-                seconds = measure(Path(folder, "job"), overrides)
-                of_each.setdefault(name, []).append(seconds)
-            train(FEWER_RUNS, Path(folder, "fewer"))
-            of_each.setdefault(f"wandb, per=run, {FEWER_RUNS} runs", []).append(
-                measure(Path(folder, "fewer"), ONE_BY_ONE)
-            )
+                of_each[name].append(measure(Path(folder, "job"), overrides))
+            training[FEWER_RUNS].append(train(FEWER_RUNS, Path(folder, "fewer"))[0])
+            of_each["runs"].append(measure(Path(folder, "fewer"), ONE_BY_ONE))
     print(describe_machine())
-    print(f"{RUNS:,} runs take {spread(training)} s to train and test")
+    for runs, seconds in training.items():
+        print(f"{runs:,} runs take {spread(seconds)} s to train and test")
     rows = []
     for name, pairs in of_each.items():
+        runs = FEWER_RUNS if name == "runs" else RUNS
         first, then = ([*seconds] for seconds in zip(*pairs, strict=True))
-        rows.append([name, spread(first), spread(then), ratio(then, training)])
-    columns = ["logger", "first job, seconds", "the next, seconds", "of the training"]
+        words = f"wandb, per=run, {runs} runs" if name == "runs" else name
+        of_training = [ratio(each, training[runs]) for each in (first, then)]
+        rows.append([words, spread(first), of_training[0], spread(then), of_training[1]])
+    columns = ["logger", "first job, seconds", "of its training", "the next, seconds", "of it"]
     print(table(columns, rows))
 
 

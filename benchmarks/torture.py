@@ -213,9 +213,10 @@ def main() -> None:
         f"{sum(tally.amid_writing for tally in tallies)} of them amid writing; "
         f"{sum(tally.went_on for tally in tallies)} starts went on from a saved training; "
         f"{sum(tally.finished for tally in tallies)} jobs and sweeps came to the same end, "
-        "bit for bit; no half file, nothing left over. "
-        f"Age of the last save at the kill: median {median(lost):.2f} s, at most {max(lost):.2f} s"
+        "bit for bit; no half file, nothing left over."
     )
+    if lost:  # a job may be killed before its first save
+        print(f"Age of the last save: median {median(lost):.2f} s, at most {max(lost):.2f} s")
 
 
 if __name__ == "__main__":

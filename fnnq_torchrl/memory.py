@@ -116,7 +116,7 @@ def check_memory(config: Config, runs: int) -> str | None:
     Raises:
         ConfigError: it would need more than there is.
     """
-    sizes, free = sizes_of(config, runs), available()
+    sizes, free = sizes_of(config, runs), available(config.machine.device)
     needs = (
         f"{runs:,} run{'s' if runs > 1 else ''} with {sizes.evaluations:,} evaluations "
         f"of {sizes.weights:,} weights each "
@@ -139,9 +139,13 @@ def _gigabytes(count: float) -> str:
     return f"{count / 1e9:,.1f} GB"
 
 
-def available() -> float:
-    """Bytes that this process can still get, infinitely many where the system doesn't say."""
-    return min(_free_of_machine(), *_free_of_groups(), inf)
+def available(device: str = "cpu") -> float:
+    """Bytes that this process can still get, infinitely many where the system doesn't say.
+
+    Where the runs are on a GPU, that is what both it and the machine have left.
+    """
+    of_device = inf if device == "cpu" else torch.cuda.mem_get_info(device)[0]
+    return min(_free_of_machine(), *_free_of_groups(), of_device)
 
 
 def _free_of_machine() -> float:

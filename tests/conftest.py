@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 # The first call of a torch operation can take seconds, so no example has a deadline.
 settings.register_profile("here", deadline=None, derandomize="CI" in os.environ, print_blob=True)
+settings.register_profile("long", settings.get_profile("here"), max_examples=5000)  # make fuzz
 settings.load_profile("here")
 
 

@@ -13,8 +13,10 @@ from omegaconf import OmegaConf
 
 from envs.ranges import allowed
 from fnnq_torchrl import job as job_module
+from fnnq_torchrl.adaptive.__main__ import main as adaptive
 from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import Config
+from fnnq_torchrl.extrapolation.__main__ import main as extrapolation
 from fnnq_torchrl.figures.__main__ import main as figures
 from fnnq_torchrl.launcher import Multirun
 from fnnq_torchrl.plain import write_plain
@@ -23,6 +25,12 @@ from fnnq_torchrl.saved import FORMAT
 
 from .commands import fnnq_train
 
+PAGES = {
+    "figures": figures,
+    "reproduction": reproduction,
+    "adaptive": adaptive,
+    "extrapolation": extrapolation,
+}
 QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")
 HEADER = "seed,lam,situations,steps,catches\n"
 DAMAGE = {
@@ -55,7 +63,7 @@ def around(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (job / "training.pt").write_bytes(b"damage")
         (root / "folder" / job.relative_to(root / "damaged") / "training.pt").mkdir(parents=True)
     for name, evaluations in DAMAGE.items():
-        for experiment in ("fig2_large", "fig2"):
+        for experiment in ("fig2_large", "fig2", "adaptive", "value_functions"):
             finished_job(root / name / experiment / "2026-01-02_03-04-05" / "0", evaluations)
     return root
 
@@ -79,7 +87,7 @@ def run(
         else:
             monkeypatch.setattr(sys, "argv", [command, *arguments])
             with pytest.raises(SystemExit) as end:
-                {"figures": figures, "reproduction": reproduction}[command]()
+                PAGES[command]()
             status = end.value.code
         told = capsys.readouterr().err
         if isinstance(status, str):  # which Python prints on its way out
@@ -116,6 +124,8 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "figures fig9": (2, "there is no figure fig9; there is fig2, fig3, …"),
         "figures --nope": (2, "unrecognized arguments: --nope"),
         "reproduction extra": (2, "unrecognized arguments: extra"),
+        "adaptive --nope": (2, "unrecognized arguments: --nope"),
+        "extrapolation extra": (2, "unrecognized arguments: extra"),
     },
     "out of range": {
         "train env.start_angle_rad=4": (
@@ -138,6 +148,11 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
             1,
             f"nan/fig2_large/2026-01-02_03-04-05/0/{NO_NUMBER}'nan' …",
         ),
+        "adaptive --results nan": (1, f"nan/adaptive/2026-01-02_03-04-05/0/{NO_NUMBER}'nan' …"),
+        "extrapolation --results nan": (
+            1,
+            f"nan/value_functions/2026-01-02_03-04-05/0/{NO_NUMBER}'nan' …",
+        ),
     },
     "missing directory": {
         "train --config-dir nowhere": (2, "Additional config directory '…/nowhere' not found"),
@@ -145,6 +160,11 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train -m hydra.sweep.dir=file/sweep": (1, "file/sweep: Not a directory"),
         "figures fig2 --results nowhere": (1, f"nowhere/fig2 {NO_RESULTS}fig2"),
         "reproduction --results nowhere": (1, f"nowhere/fig2_large {NO_RESULTS}fig2_large"),
+        "adaptive --results nowhere": (1, f"nowhere/adaptive {NO_RESULTS}adaptive"),
+        "extrapolation --results nowhere": (
+            1,
+            f"nowhere/value_functions {NO_RESULTS}value_functions",
+        ),
     },
     "foreign directory": {
         "train hydra.run.dir=another": (2, f"…/another/training.pt {OTHERS}resume=never"),
@@ -156,6 +176,11 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         ),
         "figures fig2 --results another": (1, f"another/fig2 {NO_RESULTS}fig2"),
         "reproduction --results another": (1, f"another/fig2_large {NO_RESULTS}fig2_large"),
+        "adaptive --results another": (1, f"another/adaptive {NO_RESULTS}adaptive"),
+        "extrapolation --results another": (
+            1,
+            f"another/value_functions {NO_RESULTS}value_functions",
+        ),
         "train --config-path another/.hydra": (
             2,
             "--config-path another/.hydra: what a job has left is not to be trusted …",
@@ -185,6 +210,11 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train -m hydra.sweep.dir=damaged": (2, "…/damaged/0/training.pt is not a saved …"),
         "figures fig2 --results torn": (1, f"torn/fig2/2026-01-02_03-04-05/0/{TORN}"),
         "reproduction --short --results torn": (1, f"torn/fig2/2026-01-02_03-04-05/0/{TORN}"),
+        "adaptive --results torn": (1, f"torn/adaptive/2026-01-02_03-04-05/0/{TORN}"),
+        "extrapolation --results torn": (
+            1,
+            f"torn/value_functions/2026-01-02_03-04-05/0/{TORN}",
+        ),
     },
     "huge value": {
         "train num_seeds=1000000000000": (2, "1,000,000,000,000 runs with 41 evaluations …"),
@@ -204,6 +234,11 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train alpha=1e400": (2, "alpha=inf: must be a number in [0, inf)"),
         "train -m num_seeds=1000000000000,1": (2, "1,000,000,000,000 runs with 41 evaluations …"),
         "figures fig2 --results huge": (1, f"huge/fig2/2026-01-02_03-04-05/0/{NO_NUMBER}'100…"),
+        "adaptive --results huge": (1, f"huge/adaptive/2026-01-02_03-04-05/0/{NO_NUMBER}'100…"),
+        "extrapolation --results huge": (
+            1,
+            f"huge/value_functions/2026-01-02_03-04-05/0/{NO_NUMBER}'100…",
+        ),
     },
     "contradictory keys": {
         "train situations=7": (2, "situations=7: must be a whole multiple of evaluation.every=5"),
@@ -273,7 +308,11 @@ overrides = st.builds(
 
 
 @given(st.lists(overrides.filter(lambda text: not text.startswith("-")), max_size=3), st.booleans())
-@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
+# A tenth of the others' examples, since each takes a tenth of a second.
+@settings(
+    max_examples=settings().max_examples // 10,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 def test_no_overrides_at_all_bring_a_traceback(
     tmp_path_factory: pytest.TempPathFactory,
     monkeypatch: pytest.MonkeyPatch,

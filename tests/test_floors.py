@@ -94,7 +94,7 @@ ONLY_IN = {
     "submitit": {"fnnq_torchrl.cluster"},
     "mlflow": {"fnnq_torchrl.loggers.mlflow"},
     "PIL": {"fnnq_torchrl.loggers.tensorboard"},
-    "wandb": {"fnnq_torchrl.loggers.wandb"},
+    "wandb": {"fnnq_torchrl.loggers.wandb", "fnnq_torchrl.loggers.wandb_file"},
 }
 
 

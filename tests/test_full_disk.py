@@ -1,7 +1,10 @@
 """A disk that is full, and one that is read-only: real ones, where the tests may mount any."""
 
+import os
+import resource
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +16,7 @@ from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.trainer import Trainer
 
 from .commands import fnnq_train
+from .job_files import write_job
 
 TINY = ("situations=5", "env.time_limit_steps=4", "engine=eager", "checkpoint.every_s=1e-9")
 
@@ -64,6 +68,46 @@ def test_the_last_good_checkpoint_stays(
     [told] = [line for line in capsys.readouterr().err.splitlines() if why in line]
     assert told.startswith("going on, but this training can't be saved, for now: ")
     assert str(disk / "training.pt") in told
+
+
+def test_a_file_that_grows_too_large_leaves_the_last_good_checkpoint(tmp_path: Path) -> None:
+    """A limit that any user may set stands in for a full disk, where none can be mounted."""
+    config = load_config(*TINY)
+    trainer = Trainer(config)
+    SavedTraining(tmp_path, config, trainer.engine.name).save(trainer.ledger, [])
+    before = (tmp_path / "training.pt").read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) // 2, hard))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            run_job(config, tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"training.pt": before}
+
+
+def test_wandbs_files_that_are_cut_short_are_told_of_at_the_end(disk: Path, tmp_path: Path) -> None:
+    """Wandb's own process writes them, and says nothing of a disk that is full."""
+    write_job(tmp_path / "job", "num_seeds=22")
+    script = f"""
+from pathlib import Path
+from fnnq_torchrl.batches import Job
+from fnnq_torchrl.compose import load_config
+from fnnq_torchrl.loggers import Loggers
+config = load_config("num_seeds=22", "situations=40", "logger=wandb", "logger.wandb.per=run")
+job = Job(config, Path({str(disk / "job")!r}))
+Loggers.of(config.logger).log_jobs([job])
+"""
+    # Enough for all that this process writes, and not for what wandb's does.
+    subprocess.run(["mount", "-o", "remount,size=160k", str(disk)], check=True)
+    shutil.copytree(tmp_path / "job", disk / "job")
+    environment = os.environ | {"WANDB_MODE": "offline", "TMPDIR": str(tmp_path)}
+    ended = subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True
+    )
+    [line] = ended.stderr.splitlines()
+    assert line.startswith("wandb has failed at its end: ")
+    assert "of its 22 files are cut short, as " in line
 
 
 def test_a_command_on_a_full_disk_ends_in_one_line(

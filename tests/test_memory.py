@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
 
 from fnnq_torchrl import memory
 from fnnq_torchrl.compose import load_config
@@ -45,13 +46,20 @@ def test_what_a_network_of_any_size_would_have_takes_no_memory_to_say() -> None:
 def test_too_much_is_refused_and_much_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     config = load_config()
     needed = sizes_of(config, 1000).total
-    monkeypatch.setattr(memory, "available", lambda: needed - 1)
+    monkeypatch.setattr(memory, "available", lambda device: needed - 1)
     with pytest.raises(ConfigError, match=r"^1,000 runs .*need about 0\.\d GB .* are free: fewer"):
         check_memory(config, 1000)
-    monkeypatch.setattr(memory, "available", lambda: needed)
+    monkeypatch.setattr(memory, "available", lambda device: needed)
     assert "need about" in (check_memory(config, 1000) or "")
-    monkeypatch.setattr(memory, "available", lambda: 100 * needed)
+    monkeypatch.setattr(memory, "available", lambda device: 100 * needed)
     assert check_memory(config, 1000) is None
+
+
+def test_a_gpus_memory_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    free = {"cuda:1": 1000, "cuda": 10**18}
+    monkeypatch.setattr(torch.cuda, "mem_get_info", lambda device: (free[device], 10**18))
+    assert available("cuda:1") == 1000
+    assert 1000 < available("cuda") <= available()
 
 
 def test_a_control_groups_limit_counts(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from fnnq_torchrl.config import PER_RUN, ConfigError, flat
 from fnnq_torchrl.logger_config import WandbConfig
 from fnnq_torchrl.loggers import JobResults, Loggers, SweepResults
 from fnnq_torchrl.loggers import wandb as wandb_module
+from fnnq_torchrl.loggers.wandb_file import is_whole
 from fnnq_torchrl.results import EVALUATION_COLUMNS
 from fnnq_torchrl.stats import mean_interval
 
@@ -186,6 +187,18 @@ def test_online_for_who_is_logged_in(
     assert wandb_module._mode(asked)[0] == mode
 
 
+def test_wandb_offline_is_heeded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The command of that name sets it in a file, as ``wandb online`` unsets it."""
+    monkeypatch.setenv("WANDB_API_KEY", KEY)
+    monkeypatch.setenv("WANDB_CONFIG_DIR", str(tmp_path))
+    for mode, line in (("offline", "mode = offline"), ("online", "")):
+        (tmp_path / "settings").write_text(f"[default]\n{line}\n")
+        wandb.teardown()  # which has read them by now
+        assert wandb_module._mode("auto") == (mode, True)
+        assert wandb_module._mode("online") == ("online", True)
+    wandb.teardown()
+
+
 def test_a_login_is_found_in_netrc(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("NETRC", str(tmp_path / "netrc"))
     monkeypatch.setenv("WANDB_BASE_URL", "https://wandb.example")
@@ -221,6 +234,61 @@ def test_a_server_that_isnt_there_is_told_of_and_done_without(
     assert capfd.readouterr().err == (
         "wandb: can't reach its server, so it logs offline from now on: timed out\n"
     )
+
+
+def test_a_server_that_refuses_the_login_is_told_of(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("WANDB_API_KEY", KEY)
+    init = wandb.init
+
+    def refused(mode: str, **settings: object) -> wandb.Run:
+        if mode == "online":
+            raise wandb.errors.AuthenticationError("401\nUnauthorized")
+        return init(mode=mode, **settings)
+
+    monkeypatch.setattr(wandb, "init", refused)
+    assert len(logged(write_job(tmp_path, "num_seeds=2", "logger=wandb"))) == 1
+    assert capfd.readouterr().err == (
+        "wandb: is refused by its server, so it logs offline from now on: 401\n"
+    )
+
+
+def test_a_server_that_is_slow_in_the_end_is_told_of_once(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    finish = wandb.Run.finish
+
+    def slow(run: wandb.Run) -> None:
+        finish(run)
+        raise TimeoutError("Timed out finishing run.")
+
+    monkeypatch.setattr(wandb.Run, "finish", slow)
+    overrides = ("logger=wandb", "logger.wandb.per=run", "logger.wandb.mode=offline")
+    assert len(logged(write_job(tmp_path, "num_seeds=3", *overrides))) == 3
+    assert capfd.readouterr().err == (
+        "wandb: its server took longer than 60 s, so it logs offline from now on; "
+        "`wandb sync` uploads what is missing\n"
+    )
+
+
+def test_files_that_are_cut_short_are_told_of_at_the_end(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    overrides = ("logger=wandb", "logger.wandb.per=run", "logger.wandb.mode=offline")
+    job = write_job(tmp_path, "num_seeds=3", *overrides)
+    Loggers.of(job.config.logger).log_jobs([job])
+    wandb.teardown()
+    files = sorted(tmp_path.glob("wandb/offline-run-*/*.wandb"))
+    assert [is_whole(file) for file in files] == [True] * 3
+    content = files[1].read_bytes()
+    files[1].write_bytes(content[: len(content) // 2])
+    Loggers.close_all()
+    assert capfd.readouterr().err == (
+        f"wandb has failed at its end: 1 of its 3 files are cut short, as {files[1]}\n"
+    )
+    files[1].write_bytes(content[:-1])
+    assert not is_whole(files[1])
 
 
 def test_a_disk_that_is_full_for_wandb_leaves_the_results(

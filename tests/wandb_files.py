@@ -1,17 +1,12 @@
-"""What the ``.wandb`` file of an offline run holds: LevelDB's log, a protobuf in each record.
-
-https://github.com/google/leveldb/blob/main/doc/log_format.md, after a header of 7 bytes.
-"""
+"""What the ``.wandb`` file of an offline run holds."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from wandb.proto.wandb_internal_pb2 import Record
 
-_HEADER, _BLOCK, _OF_RECORD = 7, 32768, 7
-_FULL, _FIRST, _MIDDLE, _LAST = range(1, 5)
+from fnnq_torchrl.loggers.wandb_file import records
 
 
 class WandbRun(NamedTuple):
@@ -35,7 +30,7 @@ def read_wandb_runs(directory: Path) -> list[WandbRun]:
 
 def read_wandb_run(path: Path) -> WandbRun:
     run, history, summary, files, exit_code = None, [], {}, set(), None
-    for record in map(Record.FromString, _records(path.read_bytes())):
+    for record in map(Record.FromString, records(path)):
         kind = record.WhichOneof("record_type")
         if kind == "run":
             run = record.run
@@ -55,19 +50,3 @@ def read_wandb_run(path: Path) -> WandbRun:
 
 def _values(items: Any) -> dict[str, Any]:
     return {item.key or ".".join(item.nested_key): json.loads(item.value_json) for item in items}
-
-
-def _records(content: bytes) -> Iterator[bytes]:
-    place, parts = _HEADER, b""
-    while place + _OF_RECORD <= len(content):
-        if _BLOCK - place % _BLOCK < _OF_RECORD:  # the end of a block has no room for a record
-            place += _BLOCK - place % _BLOCK
-            continue
-        size = int.from_bytes(content[place + 4 : place + 6], "little")
-        kind = content[place + 6]
-        place += _OF_RECORD
-        parts += content[place : place + size]
-        place += size
-        if kind in (_FULL, _LAST):
-            yield parts
-            parts = b""

@@ -157,3 +157,6 @@ class Logger(Protocol):
 
     def log_sweep(self, sweep: SweepResults) -> None:
         """Log what there is of a sweep besides its jobs."""
+
+    def close(self) -> None:
+        """Finish what goes on in the background, at the end of the process."""

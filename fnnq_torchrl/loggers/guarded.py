@@ -1,5 +1,6 @@
 """The chosen loggers side by side; whatever one does, training and result files go on."""
 
+import atexit
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from importlib import import_module
@@ -12,6 +13,8 @@ from fnnq_torchrl.logger_config import LoggerConfig
 from fnnq_torchrl.report import announce
 
 from .base import JobResults, Logger, SweepResults
+
+_FAILED = "going on without {}, which has failed"
 
 
 class Loggers:
@@ -46,6 +49,13 @@ class Loggers:
         return cls._made[key]
 
     @classmethod
+    def close_all(cls) -> None:
+        """At the end of the process; see `Logger.close`."""
+        for loggers in cls._made.values():
+            loggers._each(methodcaller("close"), "{} has failed at its end")
+        cls._made.clear()
+
+    @classmethod
     def forget(cls) -> None:
         """Begin as in a new process."""
         cls._made.clear()
@@ -58,11 +68,17 @@ class Loggers:
     def log_jobs(self, jobs: Iterable[Job]) -> None:
         """Log finished jobs, one after the other."""
         for results in map(JobResults, jobs):
-            self._each(methodcaller("log_job", results))
+            self._log(methodcaller("log_job", results))
 
     def log_sweep(self, sweep: SweepResults) -> None:
         """See `Logger`."""
-        self._each(methodcaller("log_sweep", sweep))
+        self._log(methodcaller("log_sweep", sweep))
+
+    def _log(self, log: Callable[[Logger], None]) -> None:
+        self._each(log)
+        # Anew, so as to come before what the loggers' libraries have registered by now.
+        atexit.unregister(Loggers.close_all)
+        atexit.register(Loggers.close_all)
 
     def _add(self, name: str, settings: Any) -> None:
         """Only now is its module imported: their libraries take seconds."""
@@ -75,11 +91,11 @@ class Loggers:
             ) from error
         self._loggers[name] = getattr(module, f"{name.capitalize()}Logger")(settings)
 
-    def _each(self, log: Callable[[Logger], None]) -> None:
+    def _each(self, log: Callable[[Logger], None], failed: str = _FAILED) -> None:
         for name, logger in self._loggers.items():
-            self._guard(name, partial(log, logger))
+            self._guard(name, partial(log, logger), failed)
 
-    def _guard(self, name: str, use: Callable[[], None]) -> None:
+    def _guard(self, name: str, use: Callable[[], None], failed: str = _FAILED) -> None:
         """Use a logger, unless it has failed; if it does so now, say so."""
         if name in self.left_out:
             return
@@ -90,4 +106,4 @@ class Loggers:
         except Exception as error:  # whatever it is: no result depends on it
             self.left_out.add(name)
             reason = " ".join(str(error).split()) or type(error).__name__
-            announce(f"going on without {name}, which has failed: {reason}")
+            announce(f"{failed.format(name)}: {reason}")

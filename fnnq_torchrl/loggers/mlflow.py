@@ -64,6 +64,9 @@ class MlflowLogger:
         home, tags = job.job.sweep or job.directory, {"group": job.group}
         self._log(home, job.name, tags, settings, metrics, job.pictures + job.tables)
 
+    def close(self) -> None:
+        """Nothing goes on in the background."""
+
     def log_sweep(self, sweep: SweepResults) -> None:
         directory = sweep.directory
         name, tags = f"{directory.name}: {sweep.jobs:,} jobs", {"group": directory.name}

@@ -33,6 +33,9 @@ class TensorboardLogger:
         with self._writer(job.directory) as logger:
             self._log_job(logger, job)
 
+    def close(self) -> None:
+        """Nothing goes on in the background."""
+
     def log_sweep(self, sweep: SweepResults) -> None:
         with self._writer(sweep.directory) as logger:
             _log_pictures(logger, sweep.pictures, step=sweep.jobs)

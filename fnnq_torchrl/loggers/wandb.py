@@ -5,6 +5,7 @@ begins to write before that, and which knows one run at a time.
 """
 
 import csv
+import logging
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,6 +24,9 @@ from fnnq_torchrl.logger_config import WandbConfig
 from fnnq_torchrl.report import announce
 
 from .base import JobResults, SweepResults
+from .wandb_file import is_whole
+
+logging.getLogger("wandb").setLevel(logging.WARNING)  # what it does is of no interest, run by run
 
 _AT_ONCE = 8
 """Wandb runs that are logged side by side, since each mostly waits for wandb's own process."""
@@ -53,6 +57,7 @@ class WandbLogger:
         self._mode, self._asked_for = _mode(settings.mode)
         self._told: set[str] = set()
         self._logged: set[tuple[Path, int]] = set()  # single runs, by their job
+        self._offline: set[Path] = set()  # the directories of wandb runs that are on the disk only
 
     def foresee(self, jobs: Sequence[Job]) -> None:
         if not self._asked_for:
@@ -80,6 +85,19 @@ class WandbLogger:
     def log_sweep(self, sweep: SweepResults) -> None:
         self._online_or_not(lambda: self._log_sweep(sweep))
 
+    def close(self) -> None:
+        """Wait for wandb's process to write all that it was given, and look whether it could.
+
+        Raises:
+            OSError: it couldn't, of which it says nothing itself.
+        """
+        wandb.teardown()
+        files = sorted(file for directory in self._offline for file in directory.glob("*.wandb"))
+        cut = [file for file in files if not is_whole(file)]
+        self._offline.clear()
+        if cut:
+            raise OSError(f"{len(cut):,} of its {len(files):,} files are cut short, as {cut[0]}")
+
     def _online_or_not(self, log: Callable[[], None]) -> None:
         """Log offline what can't be logged online."""
         try:
@@ -89,7 +107,9 @@ class WandbLogger:
                 raise
             self._mode = "offline"
             reason = str(error).partition("\n")[0]
-            announce(f"wandb: can't reach its server, so it logs offline from now on: {reason}")
+            refused = isinstance(error, AuthenticationError)
+            words = "is refused by" if refused else "can't reach"
+            announce(f"wandb: {words} its server, so it logs offline from now on: {reason}")
             log()
         except Exception:
             with suppress(Exception):  # else that comes at the exit, with a traceback
@@ -174,12 +194,21 @@ class WandbLogger:
                 finish_timeout_raises=True,
             ),
         )
+        if self._mode == "offline":
+            self._offline.add(Path(log.dir).parent)
         try:  # and not `with`, since wandb's prints a traceback
             yield log
         except BaseException:
             log.finish(exit_code=1)
             raise
-        log.finish()
+        try:
+            log.finish()
+        except TimeoutError:
+            self._mode = "offline"
+            self._tell_once(
+                f"wandb: its server took longer than {settings.timeout_s:g} s, so it logs offline "
+                "from now on; `wandb sync` uploads what is missing"
+            )
 
 
 def _mode(asked: str) -> tuple[Any, bool]:
@@ -194,7 +223,11 @@ def _mode(asked: str) -> tuple[Any, bool]:
         )
     except (AuthenticationError, ValueError) as error:
         raise ConfigError(f"logger=wandb: {error}") from error
-    given = os.environ.get("WANDB_MODE") if asked == "auto" else asked
+    given: str | None = asked
+    if asked == "auto":
+        # What `wandb offline` has set; what nobody has set is online, too.
+        of_settings = None if settings.mode == "online" else settings.mode
+        given = os.environ.get("WANDB_MODE") or of_settings
     if given == "online" and not logged_in:
         key = "logger.wandb.mode" if asked == given else "WANDB_MODE"
         raise ConfigError(
