@@ -32,11 +32,12 @@ reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 se
 	for name in traces decay exploration variants open_choices; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction
 
-adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 seeds (SEEDS=22: fewer)
+adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 seeds (SEEDS=22: fewer), of a perceptron over 100; takes sixteen minutes
 	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
+	$(EXPERIMENT) +experiment=stability
 	$(BIN)/python -m fnnq_torchrl.adaptive
 
-extrapolation: install  ## docs/extrapolation.md: what value functions do where they have seen nothing
+extrapolation: install  ## docs/extrapolation.md: what value functions do where they have seen nothing (takes eight minutes)
 	for name in value_functions extrapolation; do $(EXPERIMENT) +experiment=$$name || exit; done
 	$(BIN)/python -m fnnq_torchrl.extrapolation
 

@@ -20,7 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 from fnnq_torchrl.atomic import atomic_write
 from fnnq_torchrl.batches import ASIDE, BATCHABLE, SNAPSHOTS, Job
 from fnnq_torchrl.compose import explain, is_of_hydra, key_of
-from fnnq_torchrl.config import ConfigError, to_config
+from fnnq_torchrl.config import ConfigError, flat, to_config
 
 _WHOLE, _DECIMAL = r"0|[1-9]\d*", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _WHOLES = ("seed", "num_seeds")
@@ -156,7 +156,7 @@ class SweptJob:
             plain = None
         if not isinstance(plain, dict):  # a crash has left it, empty or broken
             return False
-        ours, theirs = _flat(yaml.safe_load(self.configuration())), _flat(plain)
+        ours, theirs = flat(yaml.safe_load(self.configuration())), flat(plain)
         for key in ours | theirs:
             if key.partition(".")[0] not in ASIDE and ours.get(key) != theirs.get(key):
                 raise ConfigError(
@@ -294,14 +294,3 @@ def _yaml(plain: object) -> str:
     return yaml.dump(
         plain, Dumper=_Dumper, default_flow_style=False, allow_unicode=True, sort_keys=False
     )
-
-
-def _flat(plain: object, prefix: str = "") -> dict[str, object]:
-    """Nested mappings by dotted keys."""
-    if not isinstance(plain, dict):
-        return {prefix.removesuffix("."): plain}
-    return {
-        key: value
-        for name, below in plain.items()
-        for key, value in _flat(below, f"{prefix}{name}.").items()
-    }

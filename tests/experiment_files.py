@@ -19,13 +19,16 @@ Level = Callable[[Settings], float]
 
 
 @cache
-def _default() -> str:
-    return json.dumps(asdict(load_config()))
+def _default(*choices: str) -> str:
+    return json.dumps(asdict(load_config(*choices)))
 
 
 def _settings(overrides: tuple[str, ...], runs: int) -> Settings:
-    settings = json.loads(_default()) | {"num_seeds": runs}
+    choices = [override for override in overrides if override.startswith("value=")]
+    settings = json.loads(_default(*choices)) | {"num_seeds": runs}
     for override in overrides:
+        if override in choices:
+            continue
         key, _, text = override.partition("=")
         *groups, name = key.split(".")
         node = settings
@@ -83,6 +86,10 @@ EXPERIMENTS = {
         *grid({"step_size": "decay,obgd,alpha_bound", "alpha": "0.1,0.4,0.8", "lam": "0.2,0.8"}),
         *grid({"alpha": "0.1,0.4,0.8", "lam": "0.2,0.8"}, "step_size=constant", "alpha_decay=1"),
     ],
+    "stability": grid(
+        {"step_size": "constant,decay,obgd", "alpha": "0.1,0.4,0.8"},
+        *("value=mlp", "lam=0.8", "alpha_decay=1"),
+    ),
     "exploration": [
         *grid({"epsilon": "0,0.1,0.3"}, "exploration=epsilon_greedy"),
         *grid({"temperature": "0.01,0.1"}, "exploration=boltzmann"),

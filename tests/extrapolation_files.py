@@ -57,9 +57,10 @@ def write_results(root: Path, kinds: Sequence[str]) -> None:
     """Both experiments of these value functions, α = 0.1 being the best of 0.05, 0.1, 0.2."""
     for number, kind in enumerate(kinds):
         config = extrapolating(f"value={kind}", "alpha=0.1")
-        job = root / "extrapolation" / "2026-01-02_03-04-05" / str(number)
-        write_job(job, config, 4.0)
-        write_snapshots(job, config)
+        for place, decay in enumerate((config.alpha_decay, 1.0)):
+            job = root / "extrapolation" / "2026-01-02_03-04-05" / str(2 * number + place)
+            write_job(job, replace(config, alpha_decay=decay), 4.0)
+            write_snapshots(job, config)
         for place, alpha in enumerate((0.05, 0.1, 0.2)):
             job = root / "value_functions" / "2026-01-02_03-04-05" / str(3 * number + place)
             write_job(job, replace(config, alpha=alpha), 4.5 - abs(alpha - 0.1) * 10)

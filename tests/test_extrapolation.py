@@ -11,7 +11,7 @@ import torch
 
 from fnnq_torchrl.config import Config
 from fnnq_torchrl.experiments import NoResults, newest_experiment
-from fnnq_torchrl.extrapolation.__main__ import main
+from fnnq_torchrl.extrapolation.__main__ import main, measure
 from fnnq_torchrl.extrapolation.conclusions import (
     above,
     difference_words,
@@ -54,6 +54,7 @@ def learner(config: Config, **weights: torch.Tensor) -> Learner:
             lam=torch.full((runs,), 0.2, dtype=torch.float64),
             config={},
         ),
+        np.zeros((runs, pages), dtype=bool),
     )
 
 
@@ -138,7 +139,9 @@ def test_interference_of_the_fuzzy_network_is_that_of_its_firing_strengths() -> 
         for there in range(41):
             ratio = f[there] @ f[here] / (f[here] @ f[here])
             ratios.setdefault(abs(there - here), []).append(ratio)
-    found = interference(learner(config, weight=rules()), 1, torch.tensor([action]).double())
+    found = interference(
+        learner(config, weight=rules()), 1, torch.tensor([action]).double(), alpha=0.1
+    )
     assert found.shape == (RUNS, len(distances())) == (RUNS, 21)
     expected = [np.mean(ratios[step]) for step in range(21)]
     np.testing.assert_allclose(found, np.tile(expected, (RUNS, 1)), rtol=1e-6)
@@ -146,7 +149,10 @@ def test_interference_of_the_fuzzy_network_is_that_of_its_firing_strengths() -> 
 
 def test_a_table_has_no_interference_beyond_its_widest_cell() -> None:
     found = interference(
-        learner(extrapolating("value=table"), weight=rules().float()), 1, torch.tensor([0.0, 1.0])
+        learner(extrapolating("value=table"), weight=rules().float()),
+        1,
+        torch.tensor([0.0, 1.0]),
+        alpha=0.1,
     )
     # From the border at 0.21 rad to 1 rad is one cell, and none is wider.
     np.testing.assert_allclose(found[:, 0], 1)
@@ -231,14 +237,18 @@ def extrapolation_results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+Measured = tuple[list[Findings], dict[str, Any]]
+
+
 @pytest.fixture(scope="module")
-def findings(extrapolation_results: Path) -> list[Findings]:
-    jobs = newest_experiment(extrapolation_results, "extrapolation").jobs
-    return [Findings.of(Learner.of(job)) for job in jobs]
+def measured(extrapolation_results: Path) -> Measured:
+    return measure(newest_experiment(extrapolation_results, "extrapolation"))
 
 
-def test_the_page_is_whole(extrapolation_results: Path, findings: list[Findings]) -> None:
-    page = write_page(findings, newest_experiment(extrapolation_results, "value_functions"))
+def test_the_page_is_whole(extrapolation_results: Path, measured: Measured) -> None:
+    findings, constant = measured
+    sweep = newest_experiment(extrapolation_results, "value_functions")
+    page = write_page(findings, constant, sweep)
     for table in re.findall(r"(?:^\|.*\n)+", page, re.MULTILINE):
         assert len({line.count("|") for line in table.splitlines()}) == 1
         assert table.count("\n| `") == len(KINDS)
@@ -247,18 +257,18 @@ def test_the_page_is_whole(extrapolation_results: Path, findings: list[Findings]
     assert set(re.findall(r"\(figures/(.*)\.png\)", page)) == FIGURES.keys()
     assert "«The fuzzy network doesn't extrapolate»" in page
     moved = findings[0].moved_in(findings[0].where.unseen).mean()
-    assert f"| `fnnq` | {moved:.2f} [" in page
+    assert f"| `fnnq` | {moved:.2f}" in page
     assert f"{0:.2%} of any run at most" in page
 
 
 def test_the_command(
     extrapolation_results: Path,
-    findings: list[Findings],
+    measured: Measured,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    measured = iter(findings)
-    monkeypatch.setattr(Findings, "of", lambda learner: next(measured))
+    findings = iter(measured[0])
+    monkeypatch.setattr(Findings, "of", lambda learner: next(findings))
     command = ["extrapolation", "--results", str(extrapolation_results), "--to", str(tmp_path)]
     monkeypatch.setattr("sys.argv", command)
     main()
@@ -271,6 +281,9 @@ def test_step_sizes_that_are_not_the_best_are_told(extrapolation_results: Path) 
     best = best_steps(newest_experiment(extrapolation_results, "value_functions"))
     assert best["mlp"].alpha == 0.1
     assert best["mlp"].among == [0.05, 0.1, 0.2]
+    sweep = newest_experiment(extrapolation_results, "value_functions")
+    job = next(j for j in sweep.jobs if j.config.value.kind == "mlp" and j.config.alpha == 0.1)
+    assert best["mlp"].score.value == job.evaluations.mean_score[RUNS // 2 :].mean()
     assert step_words(best, "mlp", 0.1)[-1] == ""
     assert step_words(best, "mlp", 0.2)[-1] == "not the best of the sweep"
     edge = {"mlp": replace(best["mlp"], alpha=0.05)}
@@ -287,6 +300,40 @@ def test_runs_of_another_experiment_are_refused(change: dict[str, Any]) -> None:
     [(key, value)] = change.items()
     with pytest.raises(NoResults, match=f"{key}={value}"):
         learner(replace(config, env=replace(config.env, **change)), weight=rules())
+
+
+def test_runs_that_diverged_count_as_catching_nothing_and_have_no_q(
+    extrapolation_results: Path, measured: Measured
+) -> None:
+    whole = measured[0][0]
+    diverged = np.zeros_like(whole.learner.diverged)
+    diverged[1, 3:] = True  # from the switch on
+    snapshots = whole.learner.snapshots
+    weights = {name: weight.clone() for name, weight in snapshots.weights.items()}
+    for weight in weights.values():
+        weight[3:, 1] = torch.nan
+    some = Learner(whole.learner.config, replace(snapshots, weights=weights), diverged)
+    found = Findings.of(some)
+    np.testing.assert_allclose(found.moved, np.delete(whole.moved, 1, axis=0), rtol=1e-5)
+    np.testing.assert_array_equal(found.caught[1, 1:], 0)
+    np.testing.assert_array_equal(found.caught[1, 0], whole.caught[1, 0])
+    np.testing.assert_array_equal(np.delete(found.caught - whole.caught, 1, axis=0), 0)
+    others = [found, *measured[0][1:]]
+    sweep = newest_experiment(extrapolation_results, "value_functions")
+    page = write_page(others, measured[1], sweep)
+    assert "nan" not in page
+    assert "Runs that diverged: 1 in what follows, 0 in the sweep." in page
+    with pytest.raises(NoResults, match="fnnq: all its runs diverged"):
+        replace(some, diverged=np.ones_like(diverged)).sound()
+
+
+def test_each_value_function_must_be_there_with_both_kinds_of_decay(
+    extrapolation_results: Path,
+) -> None:
+    experiment = newest_experiment(extrapolation_results, "extrapolation")
+    for decay in (1.0, 0.99):
+        with pytest.raises(NoResults, match="must have each value function with alpha_decay=1"):
+            measure(experiment.where("alpha_decay", decay))
 
 
 def test_results_without_snapshots_are_one_line(

@@ -213,7 +213,7 @@ def test_the_user_is_told_what_to_expect(tmp_path: Path, capfd: pytest.CaptureFi
     Loggers(job.config.logger).foresee([job])
     assert capfd.readouterr().err.splitlines() == [
         "wandb: nobody is logged in, so it logs offline; `wandb sync` uploads it later",
-        "wandb: 1,000 wandb runs, which take about 100 s to log; logger.wandb.per=job makes fewer",
+        "wandb: 1,000 wandb runs, which take about 50 s to log; logger.wandb.per=job makes fewer",
     ]
 
 

@@ -15,9 +15,10 @@ def main() -> None:
     """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
     arguments = page_parser("python -m fnnq_torchrl.adaptive", __doc__).parse_args()
     try:
-        experiment = newest_experiment(arguments.results, "adaptive")
-        text = write_page(experiment)
-        draw({"adaptive": experiment}, arguments.to / "figures")
+        names = ("adaptive", "stability")
+        experiments = {name: newest_experiment(arguments.results, name) for name in names}
+        text = write_page(**experiments)
+        draw(experiments, arguments.to / "figures")
         page = arguments.to / "adaptive.md"
         with atomic_write(page) as file:
             file.write(text.encode())

@@ -13,9 +13,9 @@ from fnnq_torchrl.reproduction.verdicts import MATTERS, Verdict, verdict
 from fnnq_torchrl.results import CONFIDENCE
 from fnnq_torchrl.stats import Interval, bootstrap_interval, paired_difference
 
-from .scheme import MEASURE, Scheme, read_scheme
+from .scheme import MEASURE, Scheme, held_back, read_scheme
 
-PAPERS = "decay"
+PAPERS, CONSTANT = "decay", "constant"
 
 _PAGE = """# What adaptive step sizes do
 
@@ -32,73 +32,129 @@ in its experiment, with α from {lowest:g} to {highest:g} and {runs:,} seeds eac
 
 The measure is the {measure}, {meaning}.
 Brackets are {confidence:g} % bootstrap intervals (BCa); differences are of the same seeds.
-The best α is chosen by the first half of the seeds and judged by the second, lest chance choose.
+The best α and the worst are chosen by the first half of the seeds and judged by the second, lest
+chance choose; *spread* is what lies between the two.
 *Over all α* is the mean over the whole range: what an α drawn from it is worth, to one who doesn't
-tune. *Spread* is what lies between the best α and the worst.
-Fewer than {matters} catches, of five, don't matter; that is our choice.
-Of all runs, {diverged:,} diverged; from then on they count as catching nothing.
+tune. Fewer than {matters} catches, of five, don't matter; that is our choice.
+Runs that diverge count as catching nothing from then on.
 
 ![Mean score against α](figures/adaptive.png)
 
-{sections}"""
+{sections}
+## With a multilayer perceptron
+
+ObGD was made to keep networks stable that learn with traces, from one step after the other. This is
+Stream Q(λ), the recipe of the same authors (`experiment=stream_q`): a multilayer perceptron with
+normalised layers and sparse initial weights, Watkins' Q(λ) and λ = {stability_lam:g}; of
+{widths} hidden units, over {stability_runs} seeds.
+
+![Mean score of the perceptron against α](figures/stability.png)
+
+{stability}"""
 
 
-def write_page(experiment: Experiment) -> str:
-    """The page, from the results of ``experiment=adaptive``.
+def write_page(adaptive: Experiment, stability: Experiment) -> str:
+    """The page.
+
+    Args:
+        adaptive: the results of ``experiment=adaptive``.
+        stability: those of ``experiment=stability``.
 
     Raises:
         NoResults: a combination of step size, α and λ is missing, or there are too few seeds.
     """
-    alphas, measure = sorted(experiment.values("alpha")), MEASURES[MEASURE]
-    papers = experiment.where("step_size", PAPERS).jobs[0].settings
+    alphas, measure = sorted(adaptive.values("alpha")), MEASURES[MEASURE]
+    papers = adaptive.where("step_size", PAPERS).jobs[0].settings
+    of_stability = stability.jobs[0].settings
+    lam = of_stability["lam"]
     return _PAGE.format(
         lowest=alphas[0],
         highest=alphas[-1],
-        runs=experiment.runs,
+        runs=adaptive.runs,
         decay=papers["alpha_decay"],
         kappa=papers["kappa"],
         measure=measure.words.partition(" (")[0],
         meaning=measure.meaning,
         confidence=100 * CONFIDENCE,
         matters=MATTERS,
-        diverged=sum(job.evaluations.diverged_runs for job in experiment.jobs),
-        sections="\n".join(_section(experiment, lam) for lam in sorted(experiment.values("lam"))),
+        sections="\n".join(_with_lam(adaptive, lam) for lam in sorted(adaptive.values("lam"))),
+        stability_lam=lam,
+        widths=" and ".join(map(str, of_stability["value.widths"])),
+        stability_runs=stability.runs,
+        stability=_comparison(stability, lam, CONSTANT),
     )
 
 
-def _section(experiment: Experiment, lam: float) -> str:
-    """What is to be said with one λ: a sentence for each step size, and a table."""
+def _with_lam(experiment: Experiment, lam: float) -> str:
+    """What is to be said with one λ."""
+    return (
+        f"## With {setting_words('lam', lam)}\n\n{_comparison(experiment, lam, PAPERS)}\n"
+        f"{_held_back(experiment, lam)}\n"
+    )
+
+
+def _held_back(experiment: Experiment, lam: float) -> str:
+    """Where the α bound did anything at all."""
+    alphas = held_back(experiment, lam)
+    if not alphas:
+        return (
+            "The α bound was never below α here, whichever it was: "
+            "its runs are those of the constant, step for step."
+        )
+    others = len(experiment.values("alpha")) - len(alphas)
+    same = "; with the others its runs are those of the constant, step for step" if others else ""
+    return f"The α bound was below α with α = {', '.join(f'{a:g}' for a in alphas)}{same}."
+
+
+def _comparison(experiment: Experiment, lam: float, reference: str) -> str:
+    """A sentence for each step size but the one that they are compared with, and tables."""
     schemes = {
         step_size: read_scheme(experiment, step_size, lam)
         for step_size in experiment.values("step_size")
     }
-    sentences = [_sentence(schemes, name) for name in schemes if name != PAPERS]
-    head = ["", "best α", "there", "against the paper's", "over all α", "against it", "spread"]
+    sentences = [_sentence(schemes, name, reference) for name in schemes if name != reference]
+    against = f"against {value_words(reference)}"
+    head = ["", "best α", "there", against, "over all α", against, "spread"]
     return (
-        f"## With {setting_words('lam', lam)}\n\n"
-        + "".join(f"* {sentence}\n" for sentence in sentences)
+        "".join(f"* {sentence}\n" for sentence in sentences)
         + "\n"
-        + table(head, [_row(schemes, name) for name in schemes])
+        + table(head, [_row(schemes, name, reference) for name in schemes])
+        + "\n"
+        + _diverged(schemes, experiment.runs)
     )
 
 
-def _differences(schemes: Mapping[str, Scheme], name: str) -> tuple[Interval, Interval]:
-    """Of a step size from the paper's: each at its best α, and over all α."""
-    ours, papers = schemes[name], schemes[PAPERS]
+def _diverged(schemes: Mapping[str, Scheme], runs: int) -> str:
+    """How many runs did, at each α."""
+    if not any(sum(scheme.diverged.values()) for scheme in schemes.values()):
+        return "No run diverged.\n"
+    alphas = [f"α = {alpha:g}" for alpha in next(iter(schemes.values())).diverged]
+    rows = [
+        [value_words(name), *(f"{count:,}" for count in scheme.diverged.values())]
+        for name, scheme in schemes.items()
+    ]
+    return table([f"diverged, of {runs:,} runs", *alphas], rows)
+
+
+def _differences(
+    schemes: Mapping[str, Scheme], name: str, reference: str
+) -> tuple[Interval, Interval]:
+    """Of two step sizes: each at its best α, and over all α."""
+    ours, theirs = schemes[name], schemes[reference]
     return (
-        paired_difference(ours.at_best, papers.at_best).mean,
-        paired_difference(ours.over_alphas, papers.over_alphas).mean,
+        paired_difference(ours.at_best, theirs.at_best).mean,
+        paired_difference(ours.over_alphas, theirs.over_alphas).mean,
     )
 
 
-def _sentence(schemes: Mapping[str, Scheme], name: str) -> str:
+def _sentence(schemes: Mapping[str, Scheme], name: str, reference: str) -> str:
     """The conclusion on a step size, whichever way it falls."""
-    at_best, over_alphas = _differences(schemes, name)
-    ours, papers = schemes[name].spread, schemes[PAPERS].spread
+    at_best, over_alphas = _differences(schemes, name, reference)
+    ours, theirs = (interval_words(schemes[which].spread) for which in (name, reference))
     return (
-        f"**{value_words(name)}**, against the paper's: each at its best α, it scores "
+        f"**{value_words(name)}**, against {value_words(reference)}: each at its best α, it scores "
         f"{_more_or_less(at_best)}; over all α, {_more_or_less(over_alphas)}. Its "
-        f"spread is {ours:.2f} catches, the paper's {papers:.2f}."
+        f"spread is {ours} catches, the other's {theirs}."
     )
 
 
@@ -116,12 +172,12 @@ def _more_or_less(difference: Interval) -> str:
     return "what can't be told from the same"
 
 
-def _row(schemes: Mapping[str, Scheme], name: str) -> list[str]:
+def _row(schemes: Mapping[str, Scheme], name: str, reference: str) -> list[str]:
     scheme = schemes[name]
     at_best, over_alphas = (
         ("", "")
-        if name == PAPERS
-        else (interval_words(each, signed=True) for each in _differences(schemes, name))
+        if name == reference
+        else (interval_words(each, signed=True) for each in _differences(schemes, name, reference))
     )
     return [
         value_words(name),
@@ -130,5 +186,5 @@ def _row(schemes: Mapping[str, Scheme], name: str) -> list[str]:
         at_best,
         interval_words(bootstrap_interval(np.mean, scheme.over_alphas)),
         over_alphas,
-        f"{scheme.spread:.2f}",
+        interval_words(scheme.spread),
     ]

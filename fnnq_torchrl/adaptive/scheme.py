@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from fnnq_torchrl.experiments import Experiment, NoResults
 from fnnq_torchrl.measures import MEASURES
 from fnnq_torchrl.reproduction.pool import same_seeds
+from fnnq_torchrl.stats import Interval, paired_difference
 
 MEASURE = "mean_score"
 
@@ -16,21 +17,27 @@ MEASURE = "mean_score"
 class Scheme:
     """Scores of one step size with one λ.
 
-    The best α is chosen by the first half of the seeds and judged by the second, lest what chance
-    favours be called best.
+    The best α and the worst are chosen by the first half of the seeds and judged by the second,
+    lest what chance favours be called best.
 
     Attributes:
         best_alpha: the best by the first half.
-        at_best: each run's score with it, of the second half, ``[runs]``.
+        at_best, at_worst: each run's score with that α, of the second half, ``[runs]``.
         over_alphas: each run's mean over all α, which is what an α drawn from them is worth,
             ``[runs]``.
-        spread: the best α's mean over all runs less the worst's.
+        diverged: how many runs have, by α, rising.
     """
 
     best_alpha: float
     at_best: NDArray[np.float64]
+    at_worst: NDArray[np.float64]
     over_alphas: NDArray[np.float64]
-    spread: float
+    diverged: dict[float, int]
+
+    @property
+    def spread(self) -> Interval:
+        """How much more the best α scores than the worst."""
+        return paired_difference(self.at_best, self.at_worst).mean
 
 
 def read_scheme(experiment: Experiment, step_size: str, lam: float) -> Scheme:
@@ -46,10 +53,28 @@ def read_scheme(experiment: Experiment, step_size: str, lam: float) -> Scheme:
     jobs = [experiment.job(step_size=step_size, lam=lam, alpha=alpha) for alpha in alphas]
     scores = np.stack([MEASURES[MEASURE].of(job.evaluations)[:runs] for job in jobs])
     chosen, judged = scores[:, : runs // 2], scores[:, runs // 2 :]
-    best = int(chosen.mean(axis=1).argmax())
+    best, worst = (int(choose(chosen.mean(axis=1))) for choose in (np.argmax, np.argmin))
     return Scheme(
         best_alpha=alphas[best],
         at_best=judged[best],
+        at_worst=judged[worst],
         over_alphas=scores.mean(axis=0),
-        spread=float(np.ptp(scores.mean(axis=1))),
+        diverged={job.settings["alpha"]: job.evaluations.diverged_runs for job in jobs},
     )
+
+
+def held_back(experiment: Experiment, lam: float) -> list[float]:
+    """The α at which the α bound changed what came of a run: else it was never below α.
+
+    Raises:
+        NoResults: a job is missing.
+    """
+
+    def differ(alpha: float) -> bool:
+        bound, constant = (
+            experiment.job(step_size=step_size, lam=lam, alpha=alpha).evaluations
+            for step_size in ("alpha_bound", "constant")
+        )
+        return not np.array_equal(bound.steps, constant.steps)
+
+    return [alpha for alpha in sorted(experiment.values("alpha")) if differ(alpha)]

@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fnnq_torchrl.reproduction.markdown import interval_words
 from fnnq_torchrl.reproduction.verdicts import Verdict
 from fnnq_torchrl.stats import Interval, bootstrap_interval, paired_difference
 
@@ -59,9 +61,7 @@ def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
     of_local, of_other = moved(local), moved(other)
     stays = {Verdict.HOLDS: Verdict.FAILS, Verdict.FAILS: Verdict.HOLDS}
     local_verdict = stays.get(above(of_local, MOVES), Verdict.OPEN)
-    more = paired_difference(
-        other.moved_in(other.where.unseen), local.moved_in(local.where.unseen)
-    ).mean
+    more = paired_difference(*_pairs(other, local)).mean
     order = {
         Verdict.HOLDS: "the MLP moves farther",
         Verdict.FAILS: "the fuzzy network moves farther",
@@ -69,29 +69,46 @@ def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
     }[above(more, 0)]
     lines = [
         f"«The fuzzy network doesn't extrapolate»: **{local_verdict.value}**. Where it had seen "
-        f"nothing its Q {movement_words(of_local)}: {words(of_local)}.",
+        f"nothing its Q {movement_words(of_local)}: {interval_words(of_local)}.",
         f"«The MLP does»: **{above(of_other, MOVES).value}**. Its Q {movement_words(of_other)}: "
-        f"{words(of_other)}.",
-        f"Of the two, {order}: MLP − fuzzy network {words(more, signed=True)} per unit of the "
-        "seen side, by pairs of seeds.",
+        f"{interval_words(of_other)}.",
+        f"Of the two, {order}: MLP − fuzzy network {interval_words(more, signed=True)} per unit of "
+        "the seen side, by pairs of seeds.",
     ]
     for kind, findings in by_kind.items():
         helped = bootstrap_interval(np.mean, findings.helped)
-        forgotten = bootstrap_interval(np.mean, findings.forgotten)
-        kept = Interval(-forgotten.value, -forgotten.high, -forgotten.low)
+        kept = bootstrap_interval(np.mean, findings.kept)
         lines.append(
             f"`{kind}`: its Q {movement_words(moved(findings))}. For catching on the unseen side, "
             f"what it learned on the other {difference_words(helped, 'helps', 'hurts')} "
-            f"({words(helped, signed=True)} catches of {TESTS}); for catching on the first, "
-            f"learning on the second {difference_words(kept, 'helps', 'hurts: it forgets')} "
-            f"({words(kept, signed=True)})."
+            f"({interval_words(helped, signed=True)} catches of {TESTS}); for catching on the "
+            f"first, learning on the second {difference_words(kept, 'helps', 'hurts: it forgets')} "
+            f"({interval_words(kept, signed=True)})."
         )
     return lines
 
 
-def words(interval: Interval, signed: bool = False) -> str:
-    """A number with its interval, where it has one."""
-    value, low, high = interval
-    sign = "+" if signed else ""
-    bounds = f" [{low:{sign}z.2f}, {high:{sign}z.2f}]" if np.isfinite(low) else ""
-    return f"{value:{sign}z.2f}{bounds}"
+def forgetting_conclusion(kept: Mapping[str, NDArray[np.float64]]) -> str:
+    """What the other side does to the first where α isn't decreased, by kind; one line.
+
+    Args:
+        kept: catches on the first side that it has brought or cost, ``[runs]`` each.
+    """
+    told = []
+    for kind, changes in kept.items():
+        interval = bootstrap_interval(np.mean, changes)
+        said = difference_words(interval, "helps", "hurts: it forgets")
+        told.append(f"of `{kind}` it {said} ({interval_words(interval, signed=True)})")
+    return (
+        "With an α that isn't decreased, for catching on the first side, learning on the second: "
+        f"{'; '.join(told)}."
+    )
+
+
+def _pairs(one: Findings, other: Findings) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Movement on the unseen side of both, of the seeds that diverged in neither."""
+    seeds, others = (findings.sound.snapshots.seed.numpy() for findings in (one, other))
+    return (
+        one.moved_in(one.where.unseen)[np.isin(seeds, others)],
+        other.moved_in(other.where.unseen)[np.isin(others, seeds)],
+    )

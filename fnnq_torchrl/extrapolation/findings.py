@@ -7,6 +7,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from fnnq_torchrl.config import Config
+
 from .interference import distances, interference
 from .learners import Learner
 from .movement import Regions, greedy_change_beyond, movement, regions, state_values
@@ -28,8 +30,11 @@ Numbers = NDArray[np.float64]
 class Findings:
     """Of every run of a value function; the first dimension of all arrays is the runs.
 
+    That is all of them in `caught`, and those that never diverged in all else.
+
     Attributes:
-        learner: the runs.
+        learner: all runs.
+        sound: those that never diverged.
         where: the states of `fnnq_torchrl.extrapolation.movement.STATES` by what was seen of them.
         moved: after the first side, per unit of the seen side (`movement`), ``[runs, states]``.
         values: V before learning, after the first side and after the second, ``[runs, 3, states]``.
@@ -41,11 +46,13 @@ class Findings:
             head sees, ``[runs]``.
         would_see: share that, with a head that sees both sides, would be to the right of straight
             ahead, and farther to the right than that, ``[runs, 2]``.
-        spread: interference by the distance, after each of `INTERFERENCE_AFTER`, ``[runs, 3,
-            distances]``.
+        spread: interference by the distance, after each of `INTERFERENCE_AFTER`, with the α of the
+            start, ``[runs, 3, distances]``.
+        spread_decayed: the same after the last of them with `decayed_alpha`, ``[runs, distances]``.
     """
 
     learner: Learner
+    sound: Learner
     where: Regions
     moved: Numbers
     values: Numbers
@@ -54,6 +61,7 @@ class Findings:
     hidden: Numbers
     would_see: Numbers
     spread: Numbers
+    spread_decayed: Numbers
 
     @classmethod
     def of(cls, learner: Learner) -> Self:
@@ -62,25 +70,27 @@ class Findings:
         Raises:
             NoResults: there is no evaluation at the switch, or at one of `INTERFERENCE_AFTER`.
         """
-        config = learner.config
+        config, sound = learner.config, learner.sound()
         pages = [
             learner.page(situations)
             for situations in (0, config.env.switch_side_after, config.situations)
         ]
         edge_rad = -min(config.env.other_view_rad, config.env.field_of_view_rad)
-        spread = [
-            interference(learner, learner.page(after), ACTIONS) for after in INTERFERENCE_AFTER
-        ]
+        moments = [learner.page(after) for after in INTERFERENCE_AFTER]
         return cls(
             learner=learner,
-            where=regions(learner),
-            moved=movement(learner, pages[1]),
-            values=np.stack([state_values(learner, page) for page in pages], axis=1),
-            beyond=np.stack(greedy_change_beyond(learner, pages[1]), axis=1),
+            sound=sound,
+            where=regions(sound),
+            moved=movement(sound, pages[1]),
+            values=np.stack([state_values(sound, page) for page in pages], axis=1),
+            beyond=np.stack(greedy_change_beyond(sound, pages[1]), axis=1),
             caught=np.stack([catches(learner, pages, side) for side in (1, -1)], axis=2),
-            hidden=shares_beyond(learner, [edge_rad], whole_view=False)[:, 0],
-            would_see=shares_beyond(learner, [0.0, edge_rad], whole_view=True),
-            spread=np.stack(spread, axis=1),
+            hidden=shares_beyond(sound, [edge_rad], whole_view=False)[:, 0],
+            would_see=shares_beyond(sound, [0.0, edge_rad], whole_view=True),
+            spread=np.stack(
+                [interference(sound, page, ACTIONS, config.alpha) for page in moments], axis=1
+            ),
+            spread_decayed=interference(sound, moments[-1], ACTIONS, decayed_alpha(config)),
         )
 
     @property
@@ -99,12 +109,30 @@ class Findings:
         return self.caught[:, 1, 1] - self.caught[:, 0, 1]
 
     @property
-    def forgotten(self) -> Numbers:
-        """Catches on the first side that the other has cost, ``[runs]``."""
-        return self.caught[:, 1, 0] - self.caught[:, 2, 0]
+    def kept(self) -> Numbers:
+        """Catches on the first side that the other has brought or, below 0, cost: ``[runs]``."""
+        return self.caught[:, 2, 0] - self.caught[:, 1, 0]
 
     @property
-    def far(self) -> Numbers:
-        """Interference at `FAR_RAD` or more, after the last of `INTERFERENCE_AFTER`, ``[runs]``."""
-        mean: Numbers = self.spread[:, -1, distances() >= FAR_RAD].mean(axis=1)
-        return mean
+    def far(self) -> tuple[Numbers, Numbers]:
+        """Interference at `FAR_RAD` or more, after the last of `INTERFERENCE_AFTER`.
+
+        With the α of the start, and with `decayed_alpha`; each ``[runs]``.
+        """
+        far = distances() >= FAR_RAD
+        return self.spread[:, -1, far].mean(axis=1), self.spread_decayed[:, far].mean(axis=1)
+
+
+def decayed_alpha(config: Config) -> float:
+    """The smallest α there can be after the last of `INTERFERENCE_AFTER`: all were catches."""
+    return float(config.alpha * config.alpha_decay ** INTERFERENCE_AFTER[-1])
+
+
+def first_side(learner: Learner) -> Numbers:
+    """Catches on the side learned first, after it and after the other, ``[runs, 2]``.
+
+    Raises:
+        NoResults: there is no evaluation then.
+    """
+    moments = (learner.config.env.switch_side_after, learner.config.situations)
+    return catches(learner, [learner.page(after) for after in moments], 1)

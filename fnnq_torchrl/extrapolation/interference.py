@@ -19,7 +19,7 @@ def distances() -> Numbers:
     return np.linspace(0, FARTHEST_RAD, round(FARTHEST_RAD / SPACING_RAD) + 1)
 
 
-def interference(learner: Learner, page: int, actions: Tensor) -> Numbers:
+def interference(learner: Learner, page: int, actions: Tensor, alpha: float) -> Numbers:
     """|ΔQ(s′, a)| / |ΔQ(s, a)| after one update at (s, a), by the distance of s′ from s.
 
     The update is that of plain Q-learning with an error of one: Δw = α∇Q(s, a). Q is evaluated
@@ -27,9 +27,10 @@ def interference(learner: Learner, page: int, actions: Tensor) -> Numbers:
     the whole field of view.
 
     Args:
-        learner: whose Q, with the α that it began with.
+        learner: whose Q.
         page: the evaluation whose weights are updated.
         actions: the a to average over.
+        alpha: α of the update. Of a Q linear in its weights it changes nothing.
 
     Returns:
         ``[runs, distances]``, the mean over a and over all s and s′ at that distance.
@@ -45,7 +46,7 @@ def interference(learner: Learner, page: int, actions: Tensor) -> Numbers:
         here = action.expand(len(places))
         before = learner.values(weights, places * SPACING_RAD, here)
         for place in range(-other, view + 1):
-            updated = _updated(learner, weights, torch.tensor([place * SPACING_RAD]), action)
+            updated = _updated(learner, weights, torch.tensor([place * SPACING_RAD]), action, alpha)
             after = learner.values(updated, places * SPACING_RAD, here)
             moved = (after - before).abs().squeeze(-1).double().numpy()
             ratio = moved / moved[:, [place + view]]
@@ -58,13 +59,14 @@ def interference(learner: Learner, page: int, actions: Tensor) -> Numbers:
     return mean
 
 
-def _updated(learner: Learner, weights: Weights, bearing_rad: Tensor, action: Tensor) -> Weights:
+def _updated(
+    learner: Learner, weights: Weights, bearing_rad: Tensor, action: Tensor, alpha: float
+) -> Weights:
     """The weights after one update of every run: w + α∇Q(s, a)."""
     leaves = {name: weight.clone().requires_grad_() for name, weight in weights.items()}
     with torch.enable_grad():
         # No run's Q depends on another's weights: the sum's gradient is each run's own.
         total = learner.values(leaves, bearing_rad, action.view(1)).sum()
         slopes = torch.autograd.grad(total, list(leaves.values()))
-    alpha = learner.config.alpha
     pairs = zip(weights.items(), slopes, strict=True)
     return {name: weight + alpha * slope for (name, weight), slope in pairs}

@@ -1,10 +1,12 @@
 """The runs of a job as they were at each evaluation: Q(s, a) from the weights in snapshots.pt."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.func import functional_call
 
@@ -29,7 +31,7 @@ class Learner:
 
     config: Config
     snapshots: Snapshots
-    diverged_runs: int = 0
+    diverged: NDArray[np.bool_]  # [runs, evaluations]
 
     def __post_init__(self) -> None:
         world = self.config.env
@@ -51,7 +53,21 @@ class Learner:
         path = job.directory / SNAPSHOTS
         if not path.exists():
             raise NoResults(f"{path} isn't there: checkpoint.snapshots=true leaves it")
-        return cls(job.config, load_snapshots(path), job.evaluations.diverged_runs)
+        return cls(job.config, load_snapshots(path), job.evaluations.diverged)
+
+    def sound(self) -> Self:
+        """The runs that never diverged; of the others' Q nothing can be said.
+
+        Raises:
+            NoResults: there are none.
+        """
+        never = ~self.diverged.any(axis=1)
+        if not never.any():
+            raise NoResults(f"{self.kind}: all its runs diverged")
+        whole, saved = torch.from_numpy(never), self.snapshots
+        weights = {name: weight[:, whole] for name, weight in saved.weights.items()}
+        kept = replace(saved, weights=weights, seed=saved.seed[whole], lam=saved.lam[whole])
+        return replace(self, snapshots=kept, diverged=self.diverged[never])
 
     @property
     def kind(self) -> str:

@@ -1,6 +1,6 @@
 """The page itself, in Markdown. Every number in it comes from the results."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import torch
@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from fnnq_torchrl.experiments import Experiment
 from fnnq_torchrl.membership import firing_shares, rule_width
-from fnnq_torchrl.reproduction.markdown import table
+from fnnq_torchrl.reproduction.markdown import interval_words, table
 from fnnq_torchrl.results import CONFIDENCE
 from fnnq_torchrl.stats import bootstrap_interval
 
-from .conclusions import CATCHES, MOVES, conclusions, words
-from .findings import FAR_RAD, INTERFERENCE_AFTER, Findings
+from .conclusions import CATCHES, MOVES, conclusions, forgetting_conclusion
+from .findings import FAR_RAD, INTERFERENCE_AFTER, Findings, decayed_alpha
 from .learners import Learner
 from .playing import ANGLES_RAD, SPEEDS_RADPS, TESTS
 from .step_sizes import best_steps, step_words
@@ -44,7 +44,8 @@ sharp.
   the robot by; with less, it can't tell which way it has lost the ball.
 * *Learning on the right.* For {then} more situations all is mirrored: what had been unseen is seen,
   and the far left is not. α isn't set back: × {decay:g} a catch, it is down to {decayed:.2g} of its
-  start after {switch} catches, so less is learned here, and forgotten, than might be.
+  start after {switch} catches, so less is learned here, and forgotten, than might be. Therefore all
+  is done once more with an α that isn't decreased, to see what is forgotten then.
 * *Movement* of Q at a state is √(meanₐ(Q − Q₀)²) over the candidate actions a, Q₀ being Q before
   learning, per unit of its mean over the seen states (evenly from −{other:g} to {view:g} rad).
 * *Catches* are the greedy policy's, of {tests} tests on each side: φ₀ of {angles} rad on the left,
@@ -52,7 +53,8 @@ sharp.
   sides.
 * *Interference* is |ΔQ(s′, a)|/|ΔQ(s, a)| after a single update of plain Q-learning, with an error
   of one and the α of the start, at (s, a): s over the seen states, s′ over all, evenly spaced; a of
-  −1, −0.5, 0, 0.5 and 1.
+  −1, −0.5, 0, 0.5 and 1. Where Q is linear in its weights α has no say in it; for the others it was
+  measured with a decreased α, too.
 * All else is as by default. Brackets are {confidence:g} % bootstrap intervals (BCa) over the seeds,
   each of which stands for itself. Q that has moved by less than {moves:g} of the seen side's
   movement *stayed where it was*, and fewer than {catches:g} catches *don't matter*; both are our
@@ -61,7 +63,8 @@ sharp.
 ## Step sizes
 
 Each value function has the step size α that was best on the ordinary task, by the mean score of
-five (`+experiment=value_functions`, {sweep_runs} seeds each):
+five (`+experiment=value_functions`, {sweep_runs:,} seeds each{disjoint}). The best α is
+chosen by the first half of those seeds, its score is that of the second half:
 
 {steps}
 {diverged}
@@ -82,6 +85,9 @@ columns are how far the greedy action there is from that at the edge of the view
 ![Catches on either side at three moments](figures/extrapolation_catches.png)
 
 {caught}
+The same where α isn't decreased, but stays what it was at the start:
+
+{constant}
 ## Interference
 
 ![Interference against the distance of two states](figures/extrapolation_interference.png)
@@ -98,11 +104,14 @@ sides:
 """
 
 
-def write_page(findings: Sequence[Findings], sweep: Experiment) -> str:
+def write_page(
+    findings: Sequence[Findings], constant: Mapping[str, NDArray[np.float64]], sweep: Experiment
+) -> str:
     """The page.
 
     Args:
         findings: of each value function.
+        constant: of each, by its kind, `first_side` where α isn't decreased.
         sweep: of their step sizes on the ordinary task.
 
     Raises:
@@ -110,9 +119,11 @@ def write_page(findings: Sequence[Findings], sweep: Experiment) -> str:
     """
     by_kind = {each.kind: each for each in findings}
     first = findings[0].learner.config
+    changes = {kind: caught[:, 1] - caught[:, 0] for kind, caught in constant.items()}
+    lines = [*conclusions(by_kind), forgetting_conclusion(changes)]
     return _PAGE.format(
         runs=min(each.learner.runs for each in findings),
-        conclusions="\n".join(f"* {line}" for line in conclusions(by_kind)),
+        conclusions="\n".join(f"* {line}" for line in lines),
         share=_nothing_seen(findings),
         switch=first.env.switch_side_after,
         then=first.situations - first.env.switch_side_after,
@@ -125,6 +136,7 @@ def write_page(findings: Sequence[Findings], sweep: Experiment) -> str:
         moves=MOVES,
         catches=CATCHES,
         sweep_runs=sweep.runs,
+        disjoint=_disjoint(findings, sweep),
         steps=_steps([each.learner for each in findings], sweep),
         diverged=_diverged(findings, sweep),
         decay=first.alpha_decay,
@@ -132,6 +144,7 @@ def write_page(findings: Sequence[Findings], sweep: Experiment) -> str:
         movement=_movement(findings),
         outermost=_outermost(by_kind["fnnq"].learner),
         caught=_caught(findings),
+        constant=_constant(constant),
         spread=_spread(findings),
         seen=_seen(findings),
     )
@@ -154,12 +167,19 @@ def _steps(learners: Iterable[Learner], sweep: Experiment) -> str:
     return table(["", "α here", "best α", "of α from", "its mean score", ""], rows)
 
 
+def _disjoint(findings: Sequence[Findings], sweep: Experiment) -> str:
+    """Whether the seeds that choose α are others than those that it is then used for."""
+    chosen = {int(seed) for job in sweep.jobs for seed in job.evaluations.seed}
+    used = {int(seed) for each in findings for seed in each.learner.snapshots.seed}
+    return "" if chosen & used else ", others than in what follows"
+
+
 def _diverged(findings: Sequence[Findings], sweep: Experiment) -> str:
-    here = sum(each.learner.diverged_runs for each in findings)
+    here = sum(int(each.learner.diverged.any(axis=1).sum()) for each in findings)
     there = sum(job.evaluations.diverged_runs for job in sweep.jobs)
     return (
-        "Runs that diverged, which count as catching nothing from then on: "
-        f"{here} in what follows, {there} in the sweep."
+        f"Runs that diverged: {here} in what follows, {there} in the sweep. From then on they "
+        "count as catching nothing, and of their Q nothing is measured."
     )
 
 
@@ -209,7 +229,7 @@ def _caught(findings: Sequence[Findings]) -> str:
     rows = []
     for each in findings:
         of_sides = [_mean(each.caught[:, moment, side]) for side in range(2) for moment in range(3)]
-        changes = [_mean(each.helped, signed=True), _mean(-each.forgotten, signed=True)]
+        changes = [_mean(each.helped, signed=True), _mean(each.kept, signed=True)]
         rows.append([f"`{each.kind}`", *of_sides, *changes])
     moments = ("before", "after the left", "after the right")
     head = [
@@ -222,8 +242,22 @@ def _caught(findings: Sequence[Findings]) -> str:
 
 
 def _spread(findings: Sequence[Findings]) -> str:
-    rows = [[f"`{each.kind}`", _mean(each.far)] for each in findings]
-    head = [f"after {INTERFERENCE_AFTER[-1]} situations", f"interference at {FAR_RAD:g} to 1 rad"]
+    rows = [[f"`{each.kind}`", *map(_mean, each.far)] for each in findings]
+    first = findings[0].learner.config
+    head = [
+        f"after {INTERFERENCE_AFTER[-1]} situations",
+        f"interference at {FAR_RAD:g} to 1 rad",
+        f"with {decayed_alpha(first) / first.alpha:.2g} of the α",
+    ]
+    return table(head, rows)
+
+
+def _constant(constant: Mapping[str, NDArray[np.float64]]) -> str:
+    rows = [
+        [f"`{kind}`", *map(_mean, caught.T), _mean(caught[:, 1] - caught[:, 0], signed=True)]
+        for kind, caught in constant.items()
+    ]
+    head = [f"catches of {TESTS}", "left, after the left", "left, after the right", "gained"]
     return table(head, rows)
 
 
@@ -249,4 +283,4 @@ def _seen(findings: Sequence[Findings]) -> str:
 
 
 def _mean(samples: NDArray[np.float64], signed: bool = False) -> str:
-    return words(bootstrap_interval(np.mean, samples), signed)
+    return interval_words(bootstrap_interval(np.mean, samples), signed)

@@ -49,7 +49,7 @@ def catches(learner: Learner, pages: Sequence[int], side: int) -> Numbers:
         side: 1 for the left, where learning began, −1 for the right.
 
     Returns:
-        ``[runs, pages]``.
+        ``[runs, pages]``; of a run that has diverged, 0.
     """
     shape = (len(pages), learner.runs)
     caught = torch.zeros(shape, dtype=torch.int64)
@@ -69,7 +69,8 @@ def catches(learner: Learner, pages: Sequence[int], side: int) -> Numbers:
         lambda done: None,
     )
     work_through(playing, playing.jobs, lanes, engine.workers)
-    return caught.T.double().numpy()
+    of_all: Numbers = caught.T.double().numpy()
+    return np.where(learner.diverged[:, pages], 0.0, of_all)
 
 
 @torch.no_grad()

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fnnq_torchrl.experiments import Experiment, NoResults
+from fnnq_torchrl.reproduction.markdown import interval_words
 from fnnq_torchrl.stats import Interval, bootstrap_interval
 
 
@@ -13,8 +14,8 @@ class BestStep:
     """Of a value function.
 
     Attributes:
-        alpha: the α of the highest mean score.
-        score: the mean score with it, in catches, and its interval.
+        alpha: the α of the highest mean score of half of the seeds.
+        score: the mean score with it, in catches, and its interval, of the other half of the seeds.
         among: all that were tried, rising.
     """
 
@@ -29,14 +30,22 @@ class BestStep:
 
 
 def best_steps(sweep: Experiment) -> dict[str, BestStep]:
-    """The best step size of every value function in a sweep over both, by its kind."""
-    found = {}
+    """The best step size of every value function in a sweep over both, by its kind.
+
+    Chosen by the first half of the seeds and judged by the second, lest chance be judged.
+
+    Raises:
+        NoResults: there are too few seeds.
+    """
+    if sweep.runs < 4:
+        raise NoResults(f"{sweep.name} has {sweep.runs} seeds, too few to choose α by half of them")
+    half, found = sweep.runs // 2, {}
     for kind in sweep.values("value.kind"):
         jobs = [job for job in sweep.jobs if job.settings["value.kind"] == kind]
-        best = max(jobs, key=lambda job: job.evaluations.mean_score.mean())
+        best = max(jobs, key=lambda job: job.evaluations.mean_score[:half].mean())
         found[kind] = BestStep(
             best.settings["alpha"],
-            bootstrap_interval(np.mean, best.evaluations.mean_score),
+            bootstrap_interval(np.mean, best.evaluations.mean_score[half:]),
             sorted(job.settings["alpha"] for job in jobs),
         )
     return found
@@ -51,12 +60,11 @@ def step_words(found: dict[str, BestStep], kind: str, alpha: float) -> list[str]
     if kind not in found:
         raise NoResults(f"the sweep value_functions has no {kind}")
     best = found[kind]
-    value, low, high = best.score
     remarks = []
     if best.alpha != alpha:
         remarks.append("not the best of the sweep")
     if not best.inside:
         remarks.append("the best is at the sweep's edge")
     tried = f"{best.among[0]:g} to {best.among[-1]:g}"
-    score = f"{value:.2f} [{low:.2f}, {high:.2f}]"
+    score = interval_words(best.score)
     return [f"`{kind}`", f"{alpha:g}", f"{best.alpha:g}", tried, score, "; ".join(remarks)]

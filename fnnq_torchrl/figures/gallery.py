@@ -34,6 +34,10 @@ FIGURES: dict[str, tuple[str, Draw]] = {
         "adaptive",
         lambda results: lines_figure(results, "alpha", "step_size", ["mean_score"], "lam"),
     ),
+    "stability": (
+        "stability",
+        lambda results: lines_figure(results, "alpha", "step_size", ["mean_score"]),
+    ),
     "exploration": ("exploration", lambda results: dots_figure(results, "mean_score")),
     "variants": ("variants", lambda results: dots_figure(results, "mean_score", "lam")),
     "open_choices": (

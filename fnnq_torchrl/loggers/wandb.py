@@ -31,7 +31,7 @@ logging.getLogger("wandb").setLevel(logging.WARNING)  # what it does is of no in
 _AT_ONCE = 8
 """Wandb runs that are logged side by side, since each mostly waits for wandb's own process."""
 
-_RUN_S = 0.1
+_RUN_S = 0.05
 """Seconds that a wandb run takes (benchmarks/loggers.py)."""
 
 _MANY = 100

@@ -17,8 +17,8 @@ def interval_words(interval: Interval, signed: bool = False) -> str:
     value, low, high = interval
     digits = 2 if not np.isfinite(low) or high - low > 0.05 else 3
     sign = "+" if signed else ""
-    bounds = f" [{low:{sign}.{digits}f}, {high:{sign}.{digits}f}]" if np.isfinite(low) else ""
-    return f"{value:{sign}.{digits}f}{bounds}"
+    bounds = f" [{low:{sign}z.{digits}f}, {high:{sign}z.{digits}f}]" if np.isfinite(low) else ""
+    return f"{value:{sign}z.{digits}f}{bounds}"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
