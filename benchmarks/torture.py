@@ -25,18 +25,21 @@ import yaml
 from machine import describe_machine
 from matplotlib.image import imread
 
+from fnnq_torchrl.batches import TRAINING
 from fnnq_torchrl.checkpoint import load_checkpoint
 from fnnq_torchrl.plain import read_plain
 from fnnq_torchrl.results import read_evaluations, read_summary
-from fnnq_torchrl.saved import FORMAT, NAME
+from fnnq_torchrl.saved import FORMAT
 
 EVERY_S = 0.05
-MOST_SAVES = 8  # of one start, before it is killed
+ANY_MOMENT = 0.3  # share of the kills that come at any moment, importing and the end included
+MOST_SAVES = 8  # of one start, before it is killed otherwise
 LONGEST_S = 600
 LOOK_S = 0.001
+SITUATIONS = 1000
 COMMON = (
     "num_seeds=200",
-    "situations=1000",
+    f"situations={SITUATIONS}",
     "evaluation.every=50",
     "engine=compiled",
     f"checkpoint.every_s={EVERY_S}",
@@ -47,8 +50,10 @@ SAME = ("checkpoint.pt", "evaluations.csv", "learning_curve.png", "learning_curv
 
 
 def learned(path: Path) -> int:
-    """Situations learned from so far, of all runs that a saved training has."""
-    return int(read_plain(path, FORMAT, "a saved training")["ledger"]["learned"].sum())
+    """Situations that whoever goes on from a saved training needn't learn from again."""
+    ledger = read_plain(path, FORMAT, "a saved training")["ledger"]
+    done = ledger["learned"][ledger["learned"] == SITUATIONS].sum()
+    return int(done + sum(state["situations"].sum() for _, state in ledger["hands"]))
 
 
 def read_table(path: Path) -> None:
@@ -61,7 +66,7 @@ def read_table(path: Path) -> None:
 
 
 READERS: dict[str, Callable[[Path], object]] = {
-    NAME: learned,
+    TRAINING: learned,
     "checkpoint.pt": load_checkpoint,
     "evaluations.csv": read_evaluations,
     "summary.json": read_summary,
@@ -113,7 +118,7 @@ def start(kind: str, directory: Path) -> subprocess.Popen[str]:
 
 
 def saved_in(directory: Path) -> Sequence[Path]:
-    return sorted(directory.rglob(NAME))
+    return sorted(directory.rglob(TRAINING))
 
 
 def saved_at(directory: Path) -> float:
@@ -137,12 +142,20 @@ def wait_for(moment: Callable[[], bool], process: subprocess.Popen[str], longest
         time.sleep(LOOK_S)
 
 
-def run_reference(kind: str, directory: Path) -> dict[str, object]:
-    process = start(kind, directory)
+@dataclass(frozen=True)
+class Reference:
+    """What a job that nobody killed has left, and how long it took."""
+
+    results: dict[str, object]
+    seconds: float
+
+
+def run_reference(kind: str, directory: Path) -> Reference:
+    since, process = time.monotonic(), start(kind, directory)
     _, stderr = process.communicate(timeout=LONGEST_S)
     if process.returncode:
         sys.exit(f"{kind}: {stderr}")
-    return results(directory)
+    return Reference(results(directory), time.monotonic() - since)
 
 
 @dataclass
@@ -155,17 +168,20 @@ class Tally:
 
 
 def torture(
-    kind: str, directory: Path, expected: dict[str, object], rng: random.Random, most: int
+    kind: str, directory: Path, reference: Reference, rng: random.Random, most: int
 ) -> Tally:
     """Start a job and kill it, so often at most, until it is finished."""
     tally, done = Tally(), 0
     while True:
         process, since = start(kind, directory), time.time()
         if tally.kills < most:
-            for _ in range(rng.randint(1, MOST_SAVES)):
-                wait_for(partial(saved_since, directory, since), process, LONGEST_S)
-                since = saved_at(directory)
-            wait_for(lambda: False, process, rng.uniform(0, 2 * EVERY_S))
+            if rng.random() < ANY_MOMENT:
+                wait_for(lambda: False, process, rng.uniform(0, reference.seconds))
+            else:  # amid learning
+                for _ in range(rng.randint(1, MOST_SAVES)):
+                    wait_for(partial(saved_since, directory, since), process, LONGEST_S)
+                    since = saved_at(directory)
+                wait_for(lambda: False, process, rng.uniform(0, 2 * EVERY_S))
             if rng.random() < 0.5:
                 wait_for(lambda: any(directory.rglob(".*.tmp")), process, 1)
             process.send_signal(signal.SIGKILL)
@@ -175,7 +191,7 @@ def torture(
         temporary = check_whole(directory)
         if process.returncode == 0:
             tally.finished = 1
-            if temporary or results(directory) != expected:
+            if temporary or results(directory) != reference.results:
                 sys.exit(f"{kind} in {directory}: not what an uninterrupted one leaves")
             return tally
         if process.returncode != -signal.SIGKILL:

@@ -70,6 +70,25 @@ def clear_leftovers(directory: Path) -> None:
             continue
 
 
+@contextmanager
+def alone_in(directory: Path) -> Iterator[None]:
+    """A block that no two processes are in for the same directory, where its file system can tell.
+
+    Raises:
+        OSError: there is no such directory.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    handle = os.open(directory, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system may know no locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
 def _lock(file: BinaryIO) -> None:
     """For as long as the file is open, and the process lives.
 

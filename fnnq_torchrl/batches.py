@@ -14,6 +14,12 @@ BATCHABLE = (*PER_RUN, "num_seeds")
 ASIDE = ("resume", "checkpoint", "logger")
 """The keys on which no result depends: how training is saved and gone on with, and its loggers."""
 
+TRAINING = "training.pt"
+"""The file of a training that isn't finished."""
+
+RESULTS = ("checkpoint.pt", "evaluations.csv", "summary.json")
+"""The files that every finished job has, the last of them written last."""
+
 SNAPSHOTS = "snapshots.pt"
 """The file with the weights of all evaluations, which a job leaves if it is to."""
 

@@ -1,9 +1,13 @@
 """What every command has in common: Hydra's command line in, a valid `Config` out, clean errors."""
 
+import errno
 import functools
+import logging
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from itertools import chain, count
 from pathlib import Path
 from typing import NoReturn
@@ -21,8 +25,10 @@ from fnnq_torchrl.choices import config_directory
 from fnnq_torchrl.compose import VERSION_BASE, SeveralValues, explain, is_of_hydra
 from fnnq_torchrl.config import Config, ConfigError, to_config
 from fnnq_torchrl.flags import as_typed, check_flags, only_shows
-from fnnq_torchrl.interruptions import Interrupted
+from fnnq_torchrl.interruptions import SAVING, Interrupted
 from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
+
+_OF_DISKS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EPIPE}
 
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the variable that makes Hydra raise its errors, not print them
 
@@ -81,6 +87,8 @@ def command(
             check_flags(sys.argv[0], sys.argv[1:])
         except ConfigError as error:
             _leave(2, str(error))
+        _leave_signals_to_the_job()
+        logging.raiseExceptions = False  # a log that can't be written has nobody to tell
         if os.environ.get(FULL_ERROR) == "1":
             return application()
         try:
@@ -125,14 +133,26 @@ def _one_by_one(job: Callable[[Config, Path], float | None]) -> RunBatches:
 
 
 def _leave(status: int, message: str) -> NoReturn:
-    sys.stderr.write(" ".join(message.split()) + "\n")
+    with suppress(OSError):  # the log may be on the disk that is full
+        sys.stderr.write(" ".join(message.split()) + "\n")
+        sys.stderr.flush()
     sys.exit(status)
 
 
 def _leave_over_a_file(error: OSError) -> NoReturn:
-    if error.filename is None:  # no file's fault
+    if error.filename is not None:
+        _leave(1, f"{error.filename}: {error.strerror}")
+    if error.errno not in _OF_DISKS:  # no file's fault
         raise error
-    _leave(1, f"{error.filename}: {error.strerror}")
+    _leave(1, str(error.strerror))  # Hydra's own files, or the terminal, which name none
+
+
+def _leave_signals_to_the_job() -> None:
+    """What asks for a save must not end a command that has nothing to save yet, or any more."""
+    for name in SAVING:
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, signal.SIG_IGN)
 
 
 def fresh_directory(path: str) -> str:

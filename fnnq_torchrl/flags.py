@@ -1,5 +1,6 @@
 """The flags of a command, which are Hydra's: ``python -m fnnq_torchrl.train --hydra-help``."""
 
+import re
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
@@ -15,6 +16,11 @@ from fnnq_torchrl.compose import key_of
 from fnnq_torchrl.config import ConfigError
 
 _SWEEPS = ("-m", "--multirun")
+
+_DISTRUSTED = (
+    "what a job has left is not to be trusted as configuration; "
+    "type what is in its overrides.yaml instead"
+)
 
 
 def check_flags(program: str, arguments: Sequence[str]) -> None:
@@ -32,8 +38,8 @@ def check_flags(program: str, arguments: Sequence[str]) -> None:
     for flag in _SWEEPS:
         if flag in arguments:
             place = arguments.index(flag)
-            behind = "".join(arguments[place + 1 :])
-            if any("=" in before for before in arguments[:place]) and "=" in behind:
+            before, behind = arguments[:place], arguments[place + 1 :]
+            if all(any("=" in each for each in side) for side in (before, behind)):
                 others = [argument for argument in arguments if argument != flag]
                 raise ConfigError(f"{flag} goes last; type {as_typed(program, *others, flag)}")
     given = OneLineParser(parents=[get_args_parser()], add_help=False).parse_args(arguments)
@@ -42,16 +48,16 @@ def check_flags(program: str, arguments: Sequence[str]) -> None:
             "--experimental-rerun: reads a pickle, which can run any code; "
             "type what is in the job's .hydra/overrides.yaml instead"
         )
+    for argument in (f"--config-name {given.config_name}", *given.overrides):
+        if ".hydra" in re.split(r"[^\w.-]", argument):
+            raise ConfigError(f"{argument}: {_DISTRUSTED}")
     for flag, directory in (
         ("--config-path", given.config_path),
         ("--config-dir", given.config_dir),
         *(("hydra.searchpath:", directory) for directory in _searched(given.overrides)),
     ):
         if directory is not None and ".hydra" in Path(directory).resolve().parts:
-            raise ConfigError(
-                f"{flag} {directory}: what a job has left is not to be trusted as configuration; "
-                "type what is in its overrides.yaml instead"
-            )
+            raise ConfigError(f"{flag} {directory}: {_DISTRUSTED}")
     if given.resolve and not (given.cfg or given.help):
         raise ConfigError("--resolve: goes with --cfg job, --cfg hydra or --cfg all")
 

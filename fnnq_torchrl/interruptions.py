@@ -8,8 +8,13 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Self
 
-_SAVE = ("SIGUSR1", "SIGUSR2")  # save and go on; Slurm's warning
+SAVING = ("SIGUSR1", "SIGUSR2")
+"""Signals that ask for a save, after which the work goes on; Slurm's warning."""
+
 _END = ("SIGTERM", "SIGINT")  # save and end
+
+_NOBODY = (signal.SIG_DFL, signal.SIG_IGN, signal.default_int_handler)
+"""Who answers a signal that nobody does."""
 
 
 class Interrupted(Exception):
@@ -74,10 +79,9 @@ class Interruptions:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            for name in (*_SAVE, *_END):
+            for name in (*SAVING, *_END):
                 number = getattr(signal, name, None)
-                nobody = (signal.SIG_DFL, signal.default_int_handler)
-                if number is not None and signal.getsignal(number) in nobody:
+                if number is not None and signal.getsignal(number) in _NOBODY:
                     self._before[number] = signal.signal(number, self._answer)
         return self
 

@@ -11,7 +11,7 @@ import torch
 from tensordict import TensorDictBase
 
 from fnnq_torchrl.atomic import clear_leftovers
-from fnnq_torchrl.batches import SNAPSHOTS, Job, as_one
+from fnnq_torchrl.batches import SNAPSHOTS, TRAINING, Job, as_one
 from fnnq_torchrl.checkpoint import save_checkpoint
 from fnnq_torchrl.config import Config, ConfigError, OutOfRange
 from fnnq_torchrl.engine import choose, make_engine
@@ -22,7 +22,7 @@ from fnnq_torchrl.loggers import Loggers
 from fnnq_torchrl.memory import check_memory
 from fnnq_torchrl.report import Progress, announce, print_summary
 from fnnq_torchrl.results import Outcome, read_summary, summarise, write_evaluations, write_summary
-from fnnq_torchrl.saved import NAME, SavedTraining
+from fnnq_torchrl.saved import SavedTraining
 from fnnq_torchrl.snapshot_file import save_snapshots
 from fnnq_torchrl.trainer import Trainer
 
@@ -136,7 +136,7 @@ def _check_machine(config: Config) -> None:
 
 def _check_saved(jobs: Sequence[Job]) -> None:
     """Refuse, before anything is computed, a saved training that can't be gone on from."""
-    if jobs[0].config.resume == "auto" and (jobs[-1].directory / NAME).exists():
+    if jobs[0].config.resume == "auto" and (jobs[-1].directory / TRAINING).exists():
         trainer = Trainer(*as_one([job.config for job in jobs]))
         _saved(jobs, trainer).load(trainer)
 

@@ -76,7 +76,12 @@ class Multirun:
         self._log()
         jobs = compose_jobs(self._context.config_loader, self._config, job_overrides, first)
         _check_directories([*self._jobs, *jobs])
-        missing = [job for job in jobs if not job.is_finished()]
+        missing = []
+        for job in jobs:
+            if job.is_finished():
+                job.clear()
+            else:
+                missing.append(job)
         if len(missing) < len(jobs):
             log.info(f"finished already: {len(jobs) - len(missing):,} of {len(jobs):,} jobs")
         for job in missing:

@@ -27,7 +27,7 @@ class Ledger:
         learned: situations learned from, int64 ``[runs]``; all, for a run that has diverged.
         diverged: whether a run had diverged when an evaluation was due, bool ``[evaluations,
             runs]``. Such an evaluation is not played and has no catch.
-        hands: runs that have begun to learn, and their states.
+        hands: runs that had begun to learn when this was saved, and their states then.
         played: whether each snapshot has played each situation, bool
             ``[evaluations, runs, situations]``.
         catches: of each snapshot, int64 ``[evaluations, runs]``.
@@ -103,9 +103,11 @@ class Ledger:
         """All of it, as plain tensors and numbers.
 
         Args:
-            hands: runs that have begun to learn, and their states.
+            hands: runs that have begun to learn, and their states. Those that had begun earlier,
+                and that nobody has gone on with yet, are as they were.
         """
         self._split()
+        hands = [*hands, *self._waiting(hands)]
         pages = self.book.pages
         return {
             "runs": self._runs(),
@@ -119,6 +121,16 @@ class Ledger:
             "catches": self.catches,
             "seconds": dict(self.seconds),
         }
+
+    def _waiting(self, hands: Sequence[Hand]) -> Iterator[Hand]:
+        """What there was in hand, of runs that are neither done nor in anybody's hand now."""
+        elsewhere = self.learned >= (len(self.played) - 1) * self.book.every
+        for jobs, _ in hands:
+            elsewhere[jobs] = True
+        for jobs, state in self.hands:
+            here = ~elsewhere[jobs]
+            if here.any():
+                yield jobs[here], state[here.to(state.device)]
 
     def load_state_dict(self, saved: dict[str, Any], begun: TensorDictBase) -> bool:
         """Go on from what was done of the same runs, or of these and others.

@@ -17,8 +17,8 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
-from fnnq_torchrl.atomic import atomic_write
-from fnnq_torchrl.batches import ASIDE, BATCHABLE, SNAPSHOTS, Job
+from fnnq_torchrl.atomic import atomic_write, clear_leftovers
+from fnnq_torchrl.batches import ASIDE, BATCHABLE, RESULTS, SNAPSHOTS, TRAINING, Job
 from fnnq_torchrl.compose import explain, is_of_hydra, key_of
 from fnnq_torchrl.config import ConfigError, flat, to_config
 
@@ -108,6 +108,7 @@ class SweptJob:
         if (folder := self._configuration_directory()) is None:
             return
         folder.mkdir(exist_ok=True)
+        clear_leftovers(folder)
         of_each = {
             "job": self._of_job(),
             "overrides": {"task": self.task_overrides},
@@ -142,7 +143,12 @@ class SweptJob:
             return False
         if self.config.checkpoint.snapshots and not (self.directory / SNAPSHOTS).exists():
             return False
-        return (self.directory / "summary.json").exists()  # the last file that a job writes
+        return all((self.directory / name).exists() for name in RESULTS)
+
+    def clear(self) -> None:
+        """Remove what a kill at the very end has left beside the results."""
+        clear_leftovers(self.directory)
+        (self.directory / TRAINING).unlink(missing_ok=True)
 
     def _is_same(self, saved: bytes) -> bool:
         """Whether the text, though not the same, says the same; false if it says nothing.

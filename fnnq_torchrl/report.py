@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -94,12 +95,10 @@ class Progress:
             when = f"{_duration(elapsed_s * (self._total - done) / done)} left"
         else:
             when = f"took {_duration(elapsed_s)}"
-        self._console.print(
+        announce(
             f"{self._description}: {100 * done // self._total} % "
             f"of {self._total:,} {self._unit}, {when}",
-            soft_wrap=True,
-            markup=False,
-            highlight=False,
+            self._console,
         )
 
 
@@ -111,9 +110,13 @@ def _duration(seconds: float) -> str:
 
 
 def announce(line: str, console: Console | None = None) -> None:
-    """Say a line beside the progress: on stderr, unless given."""
+    """Say a line beside the progress: on stderr, unless given.
+
+    If it can't be written, as to a log on a disk that is full, the work goes on without.
+    """
     console = console or Console(stderr=True)
-    console.print(line, soft_wrap=True, markup=False, highlight=False)
+    with suppress(OSError):
+        console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 
 def print_summary(summary: Summary, picture: Path, console: Console | None = None) -> None:

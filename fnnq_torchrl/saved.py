@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from fnnq_torchrl.batches import ASIDE, BATCHABLE
+from fnnq_torchrl.batches import ASIDE, BATCHABLE, TRAINING
 from fnnq_torchrl.config import Config, ConfigError
 from fnnq_torchrl.keeper import Hand
 from fnnq_torchrl.ledger import Ledger
@@ -15,7 +15,6 @@ from fnnq_torchrl.plain import read_plain, write_plain
 from fnnq_torchrl.trainer import Trainer
 
 FORMAT = 2
-NAME = "training.pt"
 
 # In what learning doesn't depend on; which engine it is tells the identity by itself.
 _NO_MATTER = (*ASIDE, "engine", *BATCHABLE)
@@ -34,7 +33,7 @@ class SavedTraining:
     """
 
     def __init__(self, directory: Path, config: Config, engine: str) -> None:
-        self.path = directory / NAME
+        self.path = directory / TRAINING
         shared = {key: of for key, of in asdict(config).items() if key not in _NO_MATTER}
         identity = f"{torch.__version__} {engine} {shared!r}"
         self._identity = hashlib.sha256(identity.encode()).hexdigest()

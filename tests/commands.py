@@ -1,24 +1,35 @@
 """The train command, run in the tests' own process."""
 
 import logging
+import signal
 import sys
 
 from fnnq_torchrl import train
 from fnnq_torchrl.loggers import Loggers
 
+SIGNALS = [
+    getattr(signal, name)
+    for name in ("SIGUSR1", "SIGUSR2", "SIGTERM", "SIGINT")
+    if hasattr(signal, name)
+]
+
 
 def fnnq_train(*arguments: object) -> int:
-    """The exit status of the command. Hydra sets up the root logger, which is as it was then."""
+    """The exit status of the command. What it sets up for a process of its own is undone."""
     Loggers.forget()  # as a new process has none
     root = logging.getLogger()
     level, handlers = root.level, root.handlers[:]
     argv, sys.argv = sys.argv, ["train", *map(str, arguments)]
+    told, answers = logging.raiseExceptions, {name: signal.getsignal(name) for name in SIGNALS}
     try:
         train.main()
     except SystemExit as end:
         return int(end.code or 0)
     finally:
         sys.argv = argv
+        logging.raiseExceptions = told
+        for name, answer in answers.items():
+            signal.signal(name, answer)
         for handler in root.handlers:
             if handler not in handlers:
                 handler.close()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fnnq_torchrl.atomic import atomic_write, clear_leftovers
+from fnnq_torchrl.atomic import alone_in, atomic_write, clear_leftovers
 
 
 def contents(directory: Path) -> dict[str, bytes]:
@@ -117,3 +117,14 @@ def test_permissions_follow_the_umask(tmp_path: Path, umask: int, mode: int) -> 
 def test_a_missing_directory_is_the_usual_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), atomic_write(tmp_path / "missing" / "result"):
         pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs locks of directories")
+def test_no_two_processes_are_alone_in_a_directory(tmp_path: Path) -> None:
+    from fcntl import LOCK_EX, LOCK_NB, flock
+
+    other = os.open(tmp_path, os.O_RDONLY)
+    with alone_in(tmp_path), pytest.raises(BlockingIOError):
+        flock(other, LOCK_EX | LOCK_NB)
+    flock(other, LOCK_EX | LOCK_NB)
+    os.close(other)

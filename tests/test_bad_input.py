@@ -191,7 +191,15 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         ),
         "train hydra.searchpath=[file://finished/0/.hydra]": (
             2,
-            "hydra.searchpath: finished/0/.hydra: what a job has left is not to be trusted …",
+            "hydra.searchpath=[file://finished/0/.hydra]: what a job has left is not to be …",
+        ),
+        "train --config-dir finished/0 --config-name .hydra/config": (
+            2,
+            "--config-name .hydra/config: what a job has left is not to be trusted as …",
+        ),
+        "train env=../../finished/0/.hydra/config": (
+            2,
+            "env=../../finished/0/.hydra/config: what a job has left is not to be trusted as …",
         ),
         "train --experimental-rerun job.pickle": (
             2,

@@ -1,6 +1,7 @@
 """The command line, from ``sys.argv`` to the job and back to the exit status."""
 
 import os
+import signal
 import subprocess
 import sys
 import types
@@ -12,8 +13,9 @@ from typing import NamedTuple
 import pytest
 
 from fnnq_torchrl import train
-from fnnq_torchrl.cli import fresh_directory
+from fnnq_torchrl.cli import command, fresh_directory
 from fnnq_torchrl.config import Config, ConfigError
+from fnnq_torchrl.interruptions import Interruptions
 
 ROOT = Path(train.__file__).parents[1]
 UNIT = "must be a number in [0, 1]"
@@ -216,3 +218,27 @@ def test_the_check_comes_before_torch(tmp_path, arguments, told):
     *imports, line = ended.stderr.decode().splitlines()
     assert (ended.returncode, ended.stdout, line) == (2, b"", told)
     assert not {"torch", "scipy"} & {entry.split("|")[-1].strip() for entry in imports}
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="needs Unix")
+def test_a_signal_to_save_ends_no_command_that_has_nothing_to_save(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    answers = []
+
+    def job(config: Config, directory: Path) -> None:
+        os.kill(os.getpid(), signal.SIGUSR1)
+        with Interruptions(1e9) as interruptions:
+            os.kill(os.getpid(), signal.SIGUSR1)
+            answers.append(interruptions.due())
+        os.kill(os.getpid(), signal.SIGUSR2)
+
+    for number in (signal.SIGUSR1, signal.SIGUSR2):
+        signal.signal(number, signal.SIG_DFL)
+    monkeypatch.setattr(sys, "argv", ["train", f"hydra.run.dir={tmp_path}"])
+    try:
+        command(job)()
+    finally:
+        for number in (signal.SIGUSR1, signal.SIGUSR2):
+            signal.signal(number, signal.SIG_DFL)
+    assert answers == [True]

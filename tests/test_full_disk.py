@@ -110,6 +110,32 @@ Loggers.of(config.logger).log_jobs([job])
     assert "of its 22 files are cut short, as " in line
 
 
+@pytest.mark.parametrize("sweep", [False, True])
+def test_a_command_that_cant_even_begin_ends_in_one_line(disk: Path, sweep: bool) -> None:
+    """Hydra's own files are the first."""
+    fill(disk)
+    place = f"hydra.sweep.dir={disk}/sweep" if sweep else f"hydra.run.dir={disk}"
+    command = [sys.executable, "-m", "fnnq_torchrl.train", *TINY, place, *["-m"] * sweep]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert ended.returncode == 1
+    [line] = ended.stderr.splitlines()
+    assert line.endswith("No space left on device")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux")
+def test_a_log_that_is_full_ends_nothing(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "fnnq_torchrl.train", *TINY, f"hydra.run.dir={tmp_path}"]
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(command, stderr=full, stdout=subprocess.DEVNULL)
+        assert ended.returncode == 0
+        assert (tmp_path / "summary.json").exists()
+        (tmp_path / "summary.json").unlink()
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ended.stderr.splitlines()[-1] == "No space left on device"
+    assert ended.returncode == 1
+    assert (tmp_path / "summary.json").exists()
+
+
 def test_a_command_on_a_full_disk_ends_in_one_line(
     disk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

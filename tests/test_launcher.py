@@ -139,6 +139,26 @@ def test_the_same_sweep_again_computes_what_is_missing(
     assert {path: path.read_bytes() for path in folded.rglob("*.csv")} == before
 
 
+def files_of_jobs(sweep: Path) -> set[Path]:
+    return {path for path in sweep.glob("[0-9]/**/*") if path.is_file()}
+
+
+def test_what_a_kill_at_the_very_end_has_left_is_cleared_away(
+    folded: Path, batches: list[list[str]]
+) -> None:
+    before = files_of_jobs(folded)
+    half = ".config.yaml.0123456789abcdef.tmp"
+    for left in (folded / "2" / "training.pt", folded / "0" / half):
+        left.write_bytes(b"")
+    assert fnnq_train(*SWEEP, f"hydra.sweep.dir={folded}", "-m") == 0
+    assert batches == []
+    assert files_of_jobs(folded) == before
+    (folded / "1" / "summary.json").unlink()
+    (folded / "1" / ".hydra" / half).write_bytes(b"")
+    assert fnnq_train(*SWEEP, f"hydra.sweep.dir={folded}", "-m") == 0
+    assert files_of_jobs(folded) == before
+
+
 def test_another_sweep_may_not_have_the_directory(
     folded: Path, command: Callable[..., Ended], batches: list[list[str]]
 ) -> None:

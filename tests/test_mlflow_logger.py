@@ -56,3 +56,20 @@ def test_jobs_and_their_sweep_are_in_one_database(
     files = {path.name for path in (sweep / "mlartifacts").rglob("*") if path.is_file()}
     assert files == {"learning_curve.png", "evaluations.csv", "summary.json", "summary.csv"}
     assert [path.name for path in tmp_path.iterdir()] == ["sweep"]
+
+
+def test_a_server_that_is_gone_is_told_of_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    Loggers.forget()
+    monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
+    nobody = "logger.mlflow.tracking_uri=http://127.0.0.1:9"
+    job = write_job(tmp_path, "num_seeds=2", "logger=mlflow", nobody)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        loggers = Loggers(job.config.logger)
+        loggers.log_jobs([job, job])
+    assert loggers.left_out == {"mlflow"}
+    [line] = capfd.readouterr().err.splitlines()
+    assert line.startswith("going on without mlflow, which has failed: API request to http://127")
+    Loggers.forget()

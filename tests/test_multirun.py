@@ -13,6 +13,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from fnnq_torchrl import cli  # noqa: F401  # registers what conf/config.yaml refers to
+from fnnq_torchrl.batches import RESULTS
 from fnnq_torchrl.choices import config_directory
 from fnnq_torchrl.compose import VERSION_BASE
 from fnnq_torchrl.config import PER_RUN, ConfigError, to_config
@@ -160,12 +161,18 @@ def test_a_bad_job_says_which_it_is(hydra: Hydra, bad: str, line: str) -> None:
     assert str(refused.value).startswith(f"job 4 (gamma=0.5 {bad}): {line}")
 
 
+def finish(job: SweptJob) -> None:
+    for name in RESULTS:
+        assert not job.is_finished()
+        (job.directory / name).touch()
+
+
 def test_a_saved_configuration_may_be_written_otherwise(hydra: Hydra) -> None:
     (job,) = hydra.jobs("lam=0.4")
     assert not job.is_finished()
     job.write_configuration()
     assert not job.is_finished()
-    (job.directory / "summary.json").touch()
+    finish(job)
     assert job.is_finished()
     saved = job.directory / ".hydra" / "config.yaml"
     saved.write_text("# by hand\n" + saved.read_text().replace("lam: 0.4", "lam: 4.0e-1"))
@@ -180,14 +187,14 @@ def test_a_saved_configuration_may_be_saved_otherwise(hydra: Hydra) -> None:
     job.write_configuration()
     (again,) = hydra.jobs("lam=0.4 resume=never checkpoint.every_s=7")
     assert not again.is_finished()
-    (job.directory / "summary.json").touch()
+    finish(job)
     assert again.is_finished()
 
 
 def test_a_job_without_the_snapshots_that_it_is_to_leave_isnt_finished(hydra: Hydra) -> None:
     (job,) = hydra.jobs("lam=0.4")
     job.write_configuration()
-    (job.directory / "summary.json").touch()
+    finish(job)
     (again,) = hydra.jobs("lam=0.4 checkpoint.snapshots=true")
     assert job.is_finished()
     assert not again.is_finished()
@@ -199,6 +206,6 @@ def test_a_job_without_the_snapshots_that_it_is_to_leave_isnt_finished(hydra: Hy
 def test_a_configuration_that_a_crash_has_left_is_none(hydra: Hydra, left: str) -> None:
     (job,) = hydra.jobs("lam=0.4")
     job.write_configuration()
-    (job.directory / "summary.json").touch()
+    finish(job)
     (job.directory / ".hydra" / "config.yaml").write_text(left)
     assert not job.is_finished()

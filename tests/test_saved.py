@@ -19,8 +19,9 @@ from fnnq_torchrl.config import Config, ConfigError, run_columns
 from fnnq_torchrl.interruptions import Interrupted, Interruptions
 from fnnq_torchrl.keeper import HandsKeeper
 from fnnq_torchrl.loops import Loop, MakeLoop, MakeStep
+from fnnq_torchrl.plain import read_plain
 from fnnq_torchrl.results import Outcome
-from fnnq_torchrl.saved import SavedTraining
+from fnnq_torchrl.saved import FORMAT, SavedTraining
 from fnnq_torchrl.trainer import Trainer
 
 from .programs import config
@@ -122,6 +123,37 @@ def test_nothing_that_is_done_is_done_again(tmp_path: Path, uninterrupted) -> No
     assert again.ledger.seconds["train"] > 0
     begun = torch.cat([jobs for jobs, _ in again.ledger.hands])
     assert (learned[begun] < JOB.situations).any()
+
+
+def in_hand(directory: Path) -> dict[int, int]:
+    """The situations that each run has learned from, of those that have begun and aren't done."""
+    ledger = read_plain(directory / "training.pt", FORMAT, "a saved training")["ledger"]
+    found = {}
+    for jobs, state in ledger["hands"]:
+        learned = ledger["learned"][jobs] < JOB.situations
+        pairs = zip(jobs[learned].tolist(), state["situations"][learned].tolist(), strict=True)
+        for run, [situations] in pairs:
+            assert run not in found
+            found[run] = situations
+    return found
+
+
+@pytest.mark.parametrize("workers", [2, 1])
+def test_what_nobody_has_gone_on_with_yet_stays_saved(
+    tmp_path: Path, compiler: None, workers: int
+) -> None:
+    first, again = make_trainer(JOB), make_trainer(JOB)
+    first.engine = replace(first.engine, most_lanes=64, workers=1)
+    assert go_on(first, tmp_path, stop_at=3) is None
+    before = in_hand(tmp_path)
+    assert len(before) == 64
+    again.engine = replace(again.engine, most_lanes=32, workers=workers)
+    assert go_on(again, tmp_path, stop_at=1) is None
+    after = in_hand(tmp_path)
+    done = {run for run in before if again.ledger.learned[run] == JOB.situations}
+    assert before.keys() <= after.keys() | done
+    assert all(after[run] >= before[run] for run in before.keys() & after.keys())
+    assert sum(after.values()) > sum(before.values())
 
 
 def test_a_part_of_the_runs_can_go_on_alone(tmp_path: Path, uninterrupted) -> None:

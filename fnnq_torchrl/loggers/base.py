@@ -1,10 +1,11 @@
 """What a logger gets, and what it must be able to do."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,17 +147,19 @@ class SweepResults:
         return [path for path in paths if path.exists()]
 
 
-class Logger(Protocol):
+class Logger(ABC):
     """Takes down what came of finished jobs. May fail with any exception: see `Loggers`."""
 
-    def foresee(self, jobs: Sequence[Job]) -> None:
+    def foresee(self, jobs: Sequence[Job]) -> None:  # noqa: B027  # most have nothing to say
         """Say in a line, before these jobs begin, what the user should know by then."""
 
+    @abstractmethod
     def log_job(self, job: JobResults) -> None:
         """Log one job."""
 
+    @abstractmethod
     def log_sweep(self, sweep: SweepResults) -> None:
         """Log what there is of a sweep besides its jobs."""
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027  # most have nothing to do
         """Finish what goes on in the background, at the end of the process."""

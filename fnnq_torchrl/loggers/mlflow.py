@@ -18,13 +18,14 @@ from mlflow.entities import Metric, Param
 from mlflow.exceptions import MlflowException
 from mlflow.tracking import MlflowClient
 
-from fnnq_torchrl.batches import Job
+from fnnq_torchrl.atomic import alone_in
 from fnnq_torchrl.config import flat
 from fnnq_torchrl.logger_config import MlflowConfig
 
-from .base import JobResults, SweepResults
+from .base import JobResults, Logger, SweepResults
 
 logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)  # it tells of each database
+logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # a lost server is told once
 
 _METRICS_AT_ONCE = 1000
 """That MLflow takes in one call."""
@@ -33,7 +34,7 @@ _PARAM_LETTERS = 6000
 """That MLflow keeps of a value."""
 
 
-class MlflowLogger:
+class MlflowLogger(Logger):
     """See `fnnq_torchrl.loggers.Logger`.
 
     Args:
@@ -46,9 +47,6 @@ class MlflowLogger:
         # MLflow's own would be two minutes, seven times over.
         os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(math.ceil(settings.timeout_s)))
         os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "1")
-
-    def foresee(self, jobs: Sequence[Job]) -> None:
-        """There is nothing to know."""
 
     def log_job(self, job: JobResults) -> None:
         settings = [
@@ -63,9 +61,6 @@ class MlflowLogger:
         metrics += [(name, value, situations[-1]) for name, value in job.scores.items()]
         home, tags = job.job.sweep or job.directory, {"group": job.group}
         self._log(home, job.name, tags, settings, metrics, job.pictures + job.tables)
-
-    def close(self) -> None:
-        """Nothing goes on in the background."""
 
     def log_sweep(self, sweep: SweepResults) -> None:
         directory = sweep.directory
@@ -92,10 +87,10 @@ class MlflowLogger:
             files: to be kept with it.
         """
         uri = self._uri or f"sqlite:///{home.absolute() / 'mlflow.db'}"
-        client = MlflowClient(tracking_uri=uri)
-        run = client.create_run(
-            _experiment(client, uri, self._experiment), tags=tags, run_name=name
-        )
+        with alone_in(home):  # of several processes on a new database, one makes its tables
+            client = MlflowClient(tracking_uri=uri)
+            experiment = _experiment(client, uri, self._experiment)
+        run = client.create_run(experiment, tags=tags, run_name=name)
         key = run.info.run_id
         now_ms = run.info.start_time
         try:
@@ -114,12 +109,14 @@ class MlflowLogger:
 
 def _experiment(client: MlflowClient, uri: str, name: str) -> str:
     """The id of the experiment, which is made if it isn't there."""
+    if (found := client.get_experiment_by_name(name)) is not None:
+        return found.experiment_id
     # Beside the database; MLflow's own default is the directory that the command runs in.
     _, is_sqlite, path = uri.partition("sqlite:///")
     artifacts = (Path(path).absolute().parent / "mlartifacts").as_uri() if is_sqlite else None
     try:
         return client.create_experiment(name, artifact_location=artifacts)
-    except MlflowException:
+    except MlflowException:  # on a server, somebody else may just have made it
         if (found := client.get_experiment_by_name(name)) is None:
             raise
         return found.experiment_id

@@ -9,14 +9,13 @@ from PIL import Image  # which torch.utils.tensorboard needs for pictures
 from torch.utils.tensorboard import SummaryWriter
 from torchrl.record.loggers import TensorboardLogger as Writer
 
-from fnnq_torchrl.batches import Job
 from fnnq_torchrl.config import flat
 from fnnq_torchrl.logger_config import TensorboardConfig
 
-from .base import JobResults, SweepResults
+from .base import JobResults, Logger, SweepResults
 
 
-class TensorboardLogger:
+class TensorboardLogger(Logger):
     """See `fnnq_torchrl.loggers.Logger`. By TorchRL's, which numbers and histograms are enough for.
 
     Args:
@@ -26,15 +25,9 @@ class TensorboardLogger:
     def __init__(self, settings: TensorboardConfig) -> None:
         self._directory = settings.directory
 
-    def foresee(self, jobs: Sequence[Job]) -> None:
-        """There is nothing to know."""
-
     def log_job(self, job: JobResults) -> None:
         with self._writer(job.directory) as logger:
             self._log_job(logger, job)
-
-    def close(self) -> None:
-        """Nothing goes on in the background."""
 
     def log_sweep(self, sweep: SweepResults) -> None:
         with self._writer(sweep.directory) as logger:

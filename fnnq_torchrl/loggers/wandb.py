@@ -23,7 +23,7 @@ from fnnq_torchrl.config import ConfigError
 from fnnq_torchrl.logger_config import WandbConfig
 from fnnq_torchrl.report import announce
 
-from .base import JobResults, SweepResults
+from .base import JobResults, Logger, SweepResults
 from .wandb_file import is_whole
 
 logging.getLogger("wandb").setLevel(logging.WARNING)  # what it does is of no interest, run by run
@@ -41,7 +41,7 @@ _MOST_ROWS = wandb.Table.MAX_ROWS
 """Of a table, which wandb would cut there."""
 
 
-class WandbLogger:
+class WandbLogger(Logger):
     """See `fnnq_torchrl.loggers.Logger`.
 
     Args:
