@@ -32,7 +32,7 @@ reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 se
 	for name in traces decay exploration variants open_choices; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction
 
-adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 seeds (SEEDS=22: fewer), of a perceptron over 100; takes sixteen minutes
+adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 seeds (SEEDS=22: fewer), of a perceptron over 100; takes twenty minutes
 	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
 	$(EXPERIMENT) +experiment=stability
 	$(BIN)/python -m fnnq_torchrl.adaptive

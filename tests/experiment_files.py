@@ -87,7 +87,7 @@ EXPERIMENTS = {
         *grid({"alpha": "0.1,0.4,0.8", "lam": "0.2,0.8"}, "step_size=constant", "alpha_decay=1"),
     ],
     "stability": grid(
-        {"step_size": "constant,decay,obgd", "alpha": "0.1,0.4,0.8"},
+        {"value.layer_norm": "1,", "step_size": "constant,obgd", "alpha": "0.1,0.4,0.8"},
         *("value=mlp", "lam=0.8", "alpha_decay=1"),
     ),
     "exploration": [

@@ -18,7 +18,9 @@ JOBS = [
     *grid({"alpha": ALPHAS, "lam": "0.2,0.8"}, "step_size=constant", "alpha_decay=1"),
 ]
 STABILITY = grid(
-    {"step_size": "constant,obgd", "alpha": ALPHAS}, "value=mlp", "lam=0.8", "alpha_decay=1"
+    # An empty text is False.
+    {"value.layer_norm": "1,", "step_size": "constant,obgd", "alpha": ALPHAS},
+    *("value=mlp", "lam=0.8", "alpha_decay=1"),
 )
 
 
@@ -90,16 +92,21 @@ def test_the_page_says_what_the_results_say(adaptive: Experiment, stability: Exp
     assert re.search(r"spread is -?0\.0\d* \[.*\] catches, the other's 0\.9", sentences["ObGD"])
     assert sentences["constant α"].startswith("each at its best α, it scores less; over all")
     assert "scores the same, to within 0.1" in sentences["α bound"]
-    assert page.count("| decaying α | 0.2 |") == 2
+    assert page.count("| decaying α | 0.00 | 0.2 |") == 2
     assert page.count("No run diverged.") == 2
-    assert "* **ObGD**, against constant α: each at its best α, it scores more;" in perceptron
-    assert "of 32 hidden units, over 60 seeds" in " ".join(perceptron.split())
+    sections = perceptron.split("###")
+    assert len(sections) == 3
+    for section in sections[1:]:
+        assert "diverged, over all α: with constant α 0 of 180, with ObGD 0 of 180." in section
+        assert "* **ObGD**, against constant α: each at its best α, it scores more;" in section
+    assert "with α from 0.1 to 0.4 and 60 seeds each" in " ".join(perceptron.split())
     assert "nan" not in page + perceptron
     assert "{" not in page + perceptron
 
 
 def test_diverged_runs_are_shown_by_alpha(adaptive: Experiment, stability: Experiment) -> None:
-    job = stability.job(step_size="constant", alpha=0.4)
+    of_job = {"step_size": "constant", "alpha": 0.4, "value.layer_norm": False}
+    job = stability.job_with(of_job)
     diverged = np.zeros_like(job.evaluations.diverged)
     diverged[:7, -1] = True
     worse = replace(job, evaluations=replace(job.evaluations, diverged=diverged))
@@ -109,6 +116,7 @@ def test_diverged_runs_are_shown_by_alpha(adaptive: Experiment, stability: Exper
         "| diverged, of 60 runs | α = 0.1 | α = 0.2 | α = 0.4 |\n| --- | --- | --- | --- |\n"
         "| constant α | 0 | 0 | 7 |\n| ObGD | 0 | 0 | 0 |\n"
     ) in page
+    assert "diverged, over all α: with constant α 7 of 180, with ObGD 0 of 180." in page
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,8 @@ from fnnq_torchrl.extrapolation.conclusions import (
     movement_words,
 )
 from fnnq_torchrl.extrapolation.findings import Findings
+from fnnq_torchrl.extrapolation.forgetting import FirstSide
+from fnnq_torchrl.extrapolation.indifferent import IndifferentWhereUnseen
 from fnnq_torchrl.extrapolation.interference import distances, interference
 from fnnq_torchrl.extrapolation.learners import Learner
 from fnnq_torchrl.extrapolation.movement import (
@@ -26,6 +28,7 @@ from fnnq_torchrl.extrapolation.movement import (
     movement,
     regions,
     state_values,
+    towards_the_ball,
 )
 from fnnq_torchrl.extrapolation.page import write_page
 from fnnq_torchrl.extrapolation.pictures import FIGURES
@@ -34,6 +37,7 @@ from fnnq_torchrl.extrapolation.step_sizes import best_steps, step_words
 from fnnq_torchrl.reproduction.verdicts import Verdict
 from fnnq_torchrl.snapshot_file import Snapshots
 from fnnq_torchrl.stats import Interval
+from fnnq_torchrl.values import make_value_network
 
 from .extrapolation_files import RUNS, extrapolating, write_results
 from .oracles.fuzzy import action_value, normalised_firing_strengths
@@ -180,6 +184,44 @@ def test_a_policy_that_knows_nothing_of_the_right_catches_more_on_the_left() -> 
     assert catches(runs, [1], 1).min() > catches(runs, [1], -1).max()
 
 
+def test_q_that_is_right_where_nothing_was_seen_catches_more_than_the_control() -> None:
+    wanted = torch.tensor([1.0, 0.5, 0.0, -0.5, -1.0])  # towards the ball, wherever it is
+    actions = torch.tensor([-1.0, -0.4, 0.4, 1.0])
+    weight = -(wanted.unsqueeze(1) - actions).square().expand(2, 8, 5, 4)
+    config = extrapolating()
+    world = replace(config.env, circle_radius_m=1.5, time_limit_steps=120)
+    runs = learner(replace(config, env=world), weight=weight)
+    learned, control = (
+        catches(runs, [1], side, indifferent=indifferent).mean()
+        for side, indifferent in ((-1, False), (-1, True))
+    )
+    assert learned > control + 1
+    # From the left the ball is rarely lost to the right.
+    assert catches(runs, [1], 1, indifferent=True).mean() > control + 1
+    seen, unseen = towards_the_ball(runs, 1)
+    assert seen.min() > 0.9
+    assert (unseen == 1).all()
+    away, never = towards_the_ball(replace(runs, snapshots=flipped(runs)), 1)
+    assert away.max() < 0.1
+    assert (never == 0).all()
+
+
+def flipped(runs: Learner) -> Snapshots:
+    """Weights that want the opposite action everywhere."""
+    weights = {name: weight.flip(-1) for name, weight in runs.snapshots.weights.items()}
+    return replace(runs.snapshots, weights=weights)
+
+
+def test_the_control_is_q_where_it_was_seen_and_nothing_elsewhere() -> None:
+    network = make_value_network(extrapolating().value, torch.linspace(-1, 1, 21), 1)
+    torch.nn.init.ones_(network.get_parameter("weight"))
+    bearing = torch.tensor([[[-0.3], [-0.2], [0.0], [1.0]]])
+    control = IndifferentWhereUnseen(network, -0.2)
+    assert (control(bearing)[0, 0] == 0).all()
+    assert control(bearing)[0, 1:].equal(network(bearing)[0, 1:])
+    assert control(bearing, action=bearing)[0, :, 0].tolist()[0] == 0
+
+
 def test_nothing_is_seen_farther_to_the_right_than_the_head_sees() -> None:
     runs = learner(extrapolating(), weight=torch.zeros(2, RUNS, 5, 4))
     edges = (-0.2, -0.1, 0.0, 2.0)
@@ -237,7 +279,7 @@ def extrapolation_results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-Measured = tuple[list[Findings], dict[str, Any]]
+Measured = tuple[list[Findings], list[FirstSide]]
 
 
 @pytest.fixture(scope="module")
@@ -318,11 +360,16 @@ def test_runs_that_diverged_count_as_catching_nothing_and_have_no_q(
     np.testing.assert_array_equal(found.caught[1, 1:], 0)
     np.testing.assert_array_equal(found.caught[1, 0], whole.caught[1, 0])
     np.testing.assert_array_equal(np.delete(found.caught - whole.caught, 1, axis=0), 0)
+    np.testing.assert_array_equal(found.first_side.kept, np.delete(whole.first_side.kept, 1))
     others = [found, *measured[0][1:]]
     sweep = newest_experiment(extrapolation_results, "value_functions")
-    page = write_page(others, measured[1], sweep)
+    of_constant = np.zeros_like(measured[1][0].diverged)
+    of_constant[:2, 1] = True
+    constant = [replace(measured[1][0], diverged=of_constant), *measured[1][1:]]
+    page = write_page(others, constant, sweep)
     assert "nan" not in page
-    assert "Runs that diverged: 1 in what follows, 0 in the sweep." in page
+    assert "Runs that diverged: 3 in what follows, 0 in the sweep." in page
+    assert re.search(r"^\| `fnnq` \|.*\| 2 \|$", page, re.MULTILINE)
     with pytest.raises(NoResults, match="fnnq: all its runs diverged"):
         replace(some, diverged=np.ones_like(diverged)).sound()
 
@@ -331,15 +378,17 @@ def test_each_value_function_must_be_there_with_both_kinds_of_decay(
     extrapolation_results: Path,
 ) -> None:
     experiment = newest_experiment(extrapolation_results, "extrapolation")
-    for decay in (1.0, 0.99):
-        with pytest.raises(NoResults, match="must have each value function with alpha_decay=1"):
-            measure(experiment.where("alpha_decay", decay))
+    parts = [experiment.where("alpha_decay", decay) for decay in (1.0, 0.99)]
+    parts.append(experiment.where("value.kind", "fnnq"))
+    for part in parts:
+        with pytest.raises(NoResults, match="must have fnnq, mlp and any others with alpha_decay"):
+            measure(part)
 
 
 def test_results_without_snapshots_are_one_line(
     extrapolation_results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write_results(tmp_path, ["table"])
+    write_results(tmp_path, ["fnnq", "mlp"])
     next(tmp_path.glob("extrapolation/*/0/snapshots.pt")).unlink()
     monkeypatch.setattr("sys.argv", ["extrapolation", "--results", str(tmp_path)])
     with pytest.raises(SystemExit, match=r"snapshots\.pt isn't there: checkpoint\.snapshots=true"):

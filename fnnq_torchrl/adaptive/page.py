@@ -16,6 +16,7 @@ from fnnq_torchrl.stats import Interval, bootstrap_interval, paired_difference
 from .scheme import MEASURE, Scheme, held_back, read_scheme
 
 PAPERS, CONSTANT = "decay", "constant"
+LAYER_NORM = "value.layer_norm"
 
 _PAGE = """# What adaptive step sizes do
 
@@ -34,8 +35,9 @@ The measure is the {measure}, {meaning}.
 Brackets are {confidence:g} % bootstrap intervals (BCa); differences are of the same seeds.
 The best α and the worst are chosen by the first half of the seeds and judged by the second, lest
 chance choose; *spread* is what lies between the two.
-*Over all α* is the mean over the whole range: what an α drawn from it is worth, to one who doesn't
-tune. Fewer than {matters} catches, of five, don't matter; that is our choice.
+*Over all α* is the mean over the whole range, even on a logarithmic scale: what an α drawn from it
+is worth, to one who doesn't tune. Fewer than {matters} catches, of five, don't matter; that is our
+choice.
 Runs that diverge count as catching nothing from then on.
 
 ![Mean score against α](figures/adaptive.png)
@@ -44,9 +46,10 @@ Runs that diverge count as catching nothing from then on.
 ## With a multilayer perceptron
 
 ObGD was made to keep networks stable that learn with traces, from one step after the other. This is
-Stream Q(λ), the recipe of the same authors (`experiment=stream_q`): a multilayer perceptron with
-normalised layers and sparse initial weights, Watkins' Q(λ) and λ = {stability_lam:g}; of
-{widths} hidden units, over {stability_runs} seeds.
+Stream Q(λ), the recipe of the same authors (`+experiment=stream_q`): a multilayer perceptron with
+normalised layers and sparse initial weights, Watkins' Q(λ) and λ = {stability_lam:g}. Here it has
+{widths} hidden units, and ObGD stands beside a constant α, with α from {stability_lowest:g} to
+{stability_highest:g} and {stability_runs} seeds each; and all once more without normalised layers.
 
 ![Mean score of the perceptron against α](figures/stability.png)
 
@@ -81,7 +84,12 @@ def write_page(adaptive: Experiment, stability: Experiment) -> str:
         stability_lam=lam,
         widths=" and ".join(map(str, of_stability["value.widths"])),
         stability_runs=stability.runs,
-        stability=_comparison(stability, lam, CONSTANT),
+        stability_lowest=min(stability.values("alpha")),
+        stability_highest=max(stability.values("alpha")),
+        stability="\n".join(
+            _with_norm(stability.where(LAYER_NORM, normalised), lam)
+            for normalised in stability.values(LAYER_NORM)
+        ),
     )
 
 
@@ -91,6 +99,20 @@ def _with_lam(experiment: Experiment, lam: float) -> str:
         f"## With {setting_words('lam', lam)}\n\n{_comparison(experiment, lam, PAPERS)}\n"
         f"{_held_back(experiment, lam)}\n"
     )
+
+
+def _with_norm(experiment: Experiment, lam: float) -> str:
+    """What is to be said of the perceptron, its layers normalised or not."""
+    [normalised] = experiment.values(LAYER_NORM)
+    head = f"### {'With' if normalised else 'Without'} normalised layers"
+    told = []
+    for step_size in experiment.values("step_size"):
+        runs = [job.evaluations for job in experiment.where("step_size", step_size).jobs]
+        diverged = sum(evaluations.diverged_runs for evaluations in runs)
+        of_all = sum(evaluations.runs for evaluations in runs)
+        told.append(f"with {value_words(step_size)} {diverged:,} of {of_all:,}")
+    counts = f"Runs that diverged, over all α: {', '.join(told)}."
+    return f"{head}\n\n{counts}\n\n{_comparison(experiment, lam, CONSTANT)}"
 
 
 def _held_back(experiment: Experiment, lam: float) -> str:
@@ -114,7 +136,7 @@ def _comparison(experiment: Experiment, lam: float, reference: str) -> str:
     }
     sentences = [_sentence(schemes, name, reference) for name in schemes if name != reference]
     against = f"against {value_words(reference)}"
-    head = ["", "best α", "there", against, "over all α", against, "spread"]
+    head = ["", "before learning", "best α", "there", against, "over all α", against, "spread"]
     return (
         "".join(f"* {sentence}\n" for sentence in sentences)
         + "\n"
@@ -181,6 +203,7 @@ def _row(schemes: Mapping[str, Scheme], name: str, reference: str) -> list[str]:
     )
     return [
         value_words(name),
+        f"{scheme.before:.2f}",
         f"{scheme.best_alpha:g}",
         interval_words(bootstrap_interval(np.mean, scheme.at_best)),
         at_best,

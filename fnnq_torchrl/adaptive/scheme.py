@@ -21,6 +21,7 @@ class Scheme:
     lest what chance favours be called best.
 
     Attributes:
+        before: the mean score of all runs before they learned.
         best_alpha: the best by the first half.
         at_best, at_worst: each run's score with that α, of the second half, ``[runs]``.
         over_alphas: each run's mean over all α, which is what an α drawn from them is worth,
@@ -28,6 +29,7 @@ class Scheme:
         diverged: how many runs have, by α, rising.
     """
 
+    before: float
     best_alpha: float
     at_best: NDArray[np.float64]
     at_worst: NDArray[np.float64]
@@ -55,6 +57,7 @@ def read_scheme(experiment: Experiment, step_size: str, lam: float) -> Scheme:
     chosen, judged = scores[:, : runs // 2], scores[:, runs // 2 :]
     best, worst = (int(choose(chosen.mean(axis=1))) for choose in (np.argmax, np.argmin))
     return Scheme(
+        before=float(np.mean([job.evaluations.catches[:, 0] for job in jobs])),
         best_alpha=alphas[best],
         at_best=judged[best],
         at_worst=judged[worst],

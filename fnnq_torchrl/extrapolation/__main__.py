@@ -9,8 +9,8 @@ from fnnq_torchrl.experiments import Experiment, NoResults, newest_experiment
 from fnnq_torchrl.figures.style import save
 from fnnq_torchrl.report import announce
 
-from .findings import Findings, first_side
-from .findings import Numbers as Catches
+from .findings import Findings
+from .forgetting import FirstSide
 from .learners import Learner
 from .page import write_page
 from .pictures import FIGURES
@@ -29,25 +29,27 @@ def main() -> None:
     announce(str(arguments.to / "extrapolation.md"))
 
 
-def measure(experiment: Experiment) -> tuple[list[Findings], dict[str, Catches]]:
-    """All there is to say of each value function, and its `first_side` where α isn't decreased.
+def measure(experiment: Experiment) -> tuple[list[Findings], list[FirstSide]]:
+    """All there is to say of each value function, and of its first side where α isn't decreased.
 
     Raises:
-        NoResults: a value function lacks one of the two, or see `Findings.of`.
+        NoResults: a value function lacks one of the two, or those that the paper's claim is about
+            aren't there, or see `Findings.of`.
         OSError, ValueError: a file can't be read.
     """
-    findings, constant = [], {}
-    for learner in map(Learner.of, experiment.jobs):
-        if learner.config.alpha_decay == 1:
-            constant[learner.kind] = first_side(learner)
-        else:
-            findings.append(Findings.of(learner))
-            announce(f"measured {learner.kind}")
-    if not findings or sorted(constant) != sorted(each.kind for each in findings):
+    learners = [Learner.of(job) for job in experiment.jobs]
+    constant = [each for each in learners if each.config.alpha_decay == 1]
+    decaying = [each for each in learners if each.config.alpha_decay < 1]
+    kinds = sorted(each.kind for each in decaying)
+    if kinds != sorted({each.kind for each in constant} | {"fnnq", "mlp"}):
         raise NoResults(
-            f"{experiment.name} must have each value function with alpha_decay=1, and with less"
+            f"{experiment.name} must have fnnq, mlp and any others with alpha_decay=1 and with less"
         )
-    return findings, constant
+    findings = []
+    for learner in decaying:
+        findings.append(Findings.of(learner))
+        announce(f"measured {learner.kind}")
+    return findings, [FirstSide.of(learner) for learner in constant]
 
 
 def write(findings: list[Findings], page: str, to: Path) -> None:

@@ -1,6 +1,6 @@
 """What the intervals say, in sentences."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from fnnq_torchrl.reproduction.verdicts import Verdict
 from fnnq_torchrl.stats import Interval, bootstrap_interval, paired_difference
 
 from .findings import Findings
+from .forgetting import FirstSide
 from .playing import TESTS
 
 MOVES = 0.1
@@ -77,28 +78,25 @@ def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
     ]
     for kind, findings in by_kind.items():
         helped = bootstrap_interval(np.mean, findings.helped)
-        kept = bootstrap_interval(np.mean, findings.kept)
+        kept = bootstrap_interval(np.mean, findings.first_side.kept)
         lines.append(
             f"`{kind}`: its Q {movement_words(moved(findings))}. For catching on the unseen side, "
-            f"what it learned on the other {difference_words(helped, 'helps', 'hurts')} "
-            f"({interval_words(helped, signed=True)} catches of {TESTS}); for catching on the "
-            f"first, learning on the second {difference_words(kept, 'helps', 'hurts: it forgets')} "
+            f"its Q there {difference_words(helped, 'helps', 'hurts')} "
+            f"({interval_words(helped, signed=True)} catches of {TESTS}, against random actions "
+            "where nothing was seen); for catching on the first, learning on the second "
+            f"{difference_words(kept, 'helps', 'hurts: it forgets')} "
             f"({interval_words(kept, signed=True)})."
         )
     return lines
 
 
-def forgetting_conclusion(kept: Mapping[str, NDArray[np.float64]]) -> str:
-    """What the other side does to the first where α isn't decreased, by kind; one line.
-
-    Args:
-        kept: catches on the first side that it has brought or cost, ``[runs]`` each.
-    """
+def forgetting_conclusion(constant: Sequence[FirstSide]) -> str:
+    """What the other side does to the first where α isn't decreased; one line."""
     told = []
-    for kind, changes in kept.items():
-        interval = bootstrap_interval(np.mean, changes)
+    for each in constant:
+        interval = bootstrap_interval(np.mean, each.kept)
         said = difference_words(interval, "helps", "hurts: it forgets")
-        told.append(f"of `{kind}` it {said} ({interval_words(interval, signed=True)})")
+        told.append(f"of `{each.kind}` it {said} ({interval_words(interval, signed=True)})")
     return (
         "With an α that isn't decreased, for catching on the first side, learning on the second: "
         f"{'; '.join(told)}."

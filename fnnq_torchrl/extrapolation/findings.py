@@ -9,9 +9,17 @@ from numpy.typing import NDArray
 
 from fnnq_torchrl.config import Config
 
+from .forgetting import FirstSide
 from .interference import distances, interference
 from .learners import Learner
-from .movement import Regions, greedy_change_beyond, movement, regions, state_values
+from .movement import (
+    Regions,
+    greedy_change_beyond,
+    movement,
+    regions,
+    state_values,
+    towards_the_ball,
+)
 from .playing import catches, shares_beyond
 
 INTERFERENCE_AFTER = (5, 50, 200)
@@ -40,8 +48,12 @@ class Findings:
         values: V before learning, after the first side and after the second, ``[runs, 3, states]``.
         beyond: how far the greedy action changes beyond the field of view, on the seen side and on
             the other, ``[runs, 2]``, in units of Δv.
+        towards: share of the seen states, and of the unseen ones, where the greedy action turns
+            towards the ball after the first side, ``[runs, 2]``.
         caught: of the tests, before, after the first side and after the second, on the side learned
             first and on the other, ``[runs, 3, 2]``.
+        control: of the other side's, after the first, with random actions where nothing was seen,
+            ``[runs]``.
         hidden: share of the states visited on the first side that are farther to the right than the
             head sees, ``[runs]``.
         would_see: share that, with a head that sees both sides, would be to the right of straight
@@ -57,7 +69,9 @@ class Findings:
     moved: Numbers
     values: Numbers
     beyond: Numbers
+    towards: Numbers
     caught: Numbers
+    control: Numbers
     hidden: Numbers
     would_see: Numbers
     spread: Numbers
@@ -75,7 +89,6 @@ class Findings:
             learner.page(situations)
             for situations in (0, config.env.switch_side_after, config.situations)
         ]
-        edge_rad = -min(config.env.other_view_rad, config.env.field_of_view_rad)
         moments = [learner.page(after) for after in INTERFERENCE_AFTER]
         return cls(
             learner=learner,
@@ -84,9 +97,11 @@ class Findings:
             moved=movement(sound, pages[1]),
             values=np.stack([state_values(sound, page) for page in pages], axis=1),
             beyond=np.stack(greedy_change_beyond(sound, pages[1]), axis=1),
+            towards=np.stack(towards_the_ball(sound, pages[1]), axis=1),
             caught=np.stack([catches(learner, pages, side) for side in (1, -1)], axis=2),
-            hidden=shares_beyond(sound, [edge_rad], whole_view=False)[:, 0],
-            would_see=shares_beyond(sound, [0.0, edge_rad], whole_view=True),
+            control=catches(learner, pages[1:2], -1, indifferent=True)[:, 0],
+            hidden=shares_beyond(sound, [sound.edge_rad], whole_view=False)[:, 0],
+            would_see=shares_beyond(sound, [0.0, sound.edge_rad], whole_view=True),
             spread=np.stack(
                 [interference(sound, page, ACTIONS, config.alpha) for page in moments], axis=1
             ),
@@ -105,13 +120,13 @@ class Findings:
 
     @property
     def helped(self) -> Numbers:
-        """Catches on the other side that the first has brought, ``[runs]``."""
-        return self.caught[:, 1, 1] - self.caught[:, 0, 1]
+        """Catches on the other side that Q brings where nothing was seen, ``[runs]``."""
+        return self.caught[:, 1, 1] - self.control
 
     @property
-    def kept(self) -> Numbers:
-        """Catches on the first side that the other has brought or, below 0, cost: ``[runs]``."""
-        return self.caught[:, 2, 0] - self.caught[:, 1, 0]
+    def first_side(self) -> FirstSide:
+        """The side learned first, when the other had been learned, too."""
+        return FirstSide.of(self.learner, self.caught[:, 1:, 0])
 
     @property
     def far(self) -> tuple[Numbers, Numbers]:
@@ -126,13 +141,3 @@ class Findings:
 def decayed_alpha(config: Config) -> float:
     """The smallest α there can be after the last of `INTERFERENCE_AFTER`: all were catches."""
     return float(config.alpha * config.alpha_decay ** INTERFERENCE_AFTER[-1])
-
-
-def first_side(learner: Learner) -> Numbers:
-    """Catches on the side learned first, after it and after the other, ``[runs, 2]``.
-
-    Raises:
-        NoResults: there is no evaluation then.
-    """
-    moments = (learner.config.env.switch_side_after, learner.config.situations)
-    return catches(learner, [learner.page(after) for after in moments], 1)

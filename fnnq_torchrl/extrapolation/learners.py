@@ -76,6 +76,12 @@ class Learner:
         return kind
 
     @property
+    def edge_rad(self) -> float:
+        """The bearing Δθ where what is seen on the left ends, to the right of straight ahead."""
+        world = self.config.env
+        return -min(world.other_view_rad, world.field_of_view_rad)
+
+    @property
     def runs(self) -> int:
         """How many there are."""
         return len(self.snapshots.seed)

@@ -62,6 +62,19 @@ def state_values(learner: Learner, page: int) -> Numbers:
     return values
 
 
+def towards_the_ball(learner: Learner, page: int) -> tuple[Numbers, Numbers]:
+    """In how many of the states the greedy action turns the robot towards the ball.
+
+    Returns:
+        The share of the seen states but straight ahead, and of the unseen ones, ``[runs]`` each.
+    """
+    where, candidates = regions(learner), learner.network.candidates
+    greedy = candidates[learner.values(learner.weights(page), STATES).argmax(-1)]
+    turns = (greedy * STATES < 0).double().numpy()  # a positive Δv turns right, from a positive Δθ
+    seen = where.seen & (STATES.abs().numpy() > 1e-6)
+    return turns[:, seen].mean(axis=1), turns[:, where.unseen].mean(axis=1)
+
+
 def greedy_change_beyond(learner: Learner, page: int) -> tuple[Numbers, Numbers]:
     """How far the greedy action beyond the field of view is from that at its edge.
 

@@ -1,6 +1,6 @@
 """The page itself, in Markdown. Every number in it comes from the results."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import torch
@@ -14,6 +14,7 @@ from fnnq_torchrl.stats import bootstrap_interval
 
 from .conclusions import CATCHES, MOVES, conclusions, forgetting_conclusion
 from .findings import FAR_RAD, INTERFERENCE_AFTER, Findings, decayed_alpha
+from .forgetting import FirstSide
 from .learners import Learner
 from .playing import ANGLES_RAD, SPEEDS_RADPS, TESTS
 from .step_sizes import best_steps, step_words
@@ -30,8 +31,7 @@ experiment. Here is one, over {runs} seeds of each value function.
 
 {conclusions}
 
-{outermost} So what counts as seen decides much here: these labels are wider than the border is
-sharp.
+{outermost}
 
 {share}
 
@@ -45,12 +45,14 @@ sharp.
 * *Learning on the right.* For {then} more situations all is mirrored: what had been unseen is seen,
   and the far left is not. α isn't set back: × {decay:g} a catch, it is down to {decayed:.2g} of its
   start after {switch} catches, so less is learned here, and forgotten, than might be. Therefore all
-  is done once more with an α that isn't decreased, to see what is forgotten then.
+  is done once more with an α that isn't decreased, but stays what was best at the start of one that
+  is, to see what is forgotten then.
 * *Movement* of Q at a state is √(meanₐ(Q − Q₀)²) over the candidate actions a, Q₀ being Q before
   learning, per unit of its mean over the seen states (evenly from −{other:g} to {view:g} rad).
 * *Catches* are the greedy policy's, of {tests} tests on each side: φ₀ of {angles} rad on the left,
   its mirror images on the right, each with ω_b of {speeds} rad/s. In the tests the head sees both
-  sides.
+  sides. A robot that loses the ball to the unseen side may find it again by chance. So there is a
+  *control*: the same policy, but with random actions in all states that were not seen.
 * *Interference* is |ΔQ(s′, a)|/|ΔQ(s, a)| after a single update of plain Q-learning, with an error
   of one and the α of the start, at (s, a): s over the seen states, s′ over all, evenly spaced; a of
   −1, −0.5, 0, 0.5 and 1. Where Q is linear in its weights α has no say in it; for the others it was
@@ -62,9 +64,10 @@ sharp.
 
 ## Step sizes
 
-Each value function has the step size α that was best on the ordinary task, by the mean score of
-five (`+experiment=value_functions`, {sweep_runs:,} seeds each{disjoint}). The best α is
-chosen by the first half of those seeds, its score is that of the second half:
+If a remark doesn't say otherwise, each value function has the step size α that was best on the
+ordinary task, by the mean score of five (`+experiment=value_functions`, {sweep_runs:,} seeds
+each{disjoint}). The best α is chosen by the first half of those seeds, its score is that of the
+second half:
 
 {steps}
 {diverged}
@@ -76,6 +79,7 @@ chosen by the first half of those seeds, its score is that of the second half:
 ![Movement of Q against the bearing](figures/extrapolation_movement.png)
 
 {movement}
+{towards}
 «Beyond» is what lies outside the field of view, up to 1.5 rad on either side. The sensor clips what
 it reports at ±{view:g} rad, so these states never occur, in learning or in tests. The last two
 columns are how far the greedy action there is from that at the edge of the view, in units of Δv.
@@ -105,13 +109,13 @@ sides:
 
 
 def write_page(
-    findings: Sequence[Findings], constant: Mapping[str, NDArray[np.float64]], sweep: Experiment
+    findings: Sequence[Findings], constant: Sequence[FirstSide], sweep: Experiment
 ) -> str:
     """The page.
 
     Args:
         findings: of each value function.
-        constant: of each, by its kind, `first_side` where α isn't decreased.
+        constant: of each, where α isn't decreased.
         sweep: of their step sizes on the ordinary task.
 
     Raises:
@@ -119,8 +123,7 @@ def write_page(
     """
     by_kind = {each.kind: each for each in findings}
     first = findings[0].learner.config
-    changes = {kind: caught[:, 1] - caught[:, 0] for kind, caught in constant.items()}
-    lines = [*conclusions(by_kind), forgetting_conclusion(changes)]
+    lines = [*conclusions(by_kind), forgetting_conclusion(constant)]
     return _PAGE.format(
         runs=min(each.learner.runs for each in findings),
         conclusions="\n".join(f"* {line}" for line in lines),
@@ -138,10 +141,11 @@ def write_page(
         sweep_runs=sweep.runs,
         disjoint=_disjoint(findings, sweep),
         steps=_steps([each.learner for each in findings], sweep),
-        diverged=_diverged(findings, sweep),
+        diverged=_diverged(findings, constant, sweep),
         decay=first.alpha_decay,
         decayed=first.alpha_decay**first.env.switch_side_after,
         movement=_movement(findings),
+        towards=_towards(findings),
         outermost=_outermost(by_kind["fnnq"].learner),
         caught=_caught(findings),
         constant=_constant(constant),
@@ -156,8 +160,8 @@ def _nothing_seen(findings: Sequence[Findings]) -> str:
     return (
         f"A check: of the states visited while learning on the left, {most:.2%} of any run at most "
         "were on the unseen side. The sign of φ₀ alone wouldn't have hidden it: with a head that "
-        f"sees both sides, {min(right):.0%} to {max(right):.0%} of the states would have been to "
-        "the right of straight ahead."
+        f"sees both sides, {min(right):.0%} to {max(right):.0%} of the states, on average over the "
+        "runs, would have been to the right of straight ahead."
     )
 
 
@@ -174,12 +178,16 @@ def _disjoint(findings: Sequence[Findings], sweep: Experiment) -> str:
     return "" if chosen & used else ", others than in what follows"
 
 
-def _diverged(findings: Sequence[Findings], sweep: Experiment) -> str:
-    here = sum(int(each.learner.diverged.any(axis=1).sum()) for each in findings)
+def _diverged(
+    findings: Sequence[Findings], constant: Sequence[FirstSide], sweep: Experiment
+) -> str:
+    runs = [*(each.learner.diverged for each in findings), *(each.diverged for each in constant)]
+    here = sum(int(diverged.any(axis=1).sum()) for diverged in runs)
     there = sum(job.evaluations.diverged_runs for job in sweep.jobs)
     return (
         f"Runs that diverged: {here} in what follows, {there} in the sweep. From then on they "
-        "count as catching nothing, and of their Q nothing is measured."
+        "count as catching nothing, and of their Q nothing is measured. Those that do so on the "
+        "first side have nothing to forget."
     )
 
 
@@ -213,15 +221,14 @@ def _movement(findings: Sequence[Findings]) -> str:
 def _outermost(learner: Learner) -> str:
     """How much of the rules that answer for the unseen side fires at the edge of the seen one."""
     labels = learner.config.value.inputs["bearing"]
-    edge_rad = -min(learner.config.env.other_view_rad, learner.config.env.field_of_view_rad)
     centres, seconds = torch.tensor(labels, dtype=torch.float64).T
     widths = [rule_width(float(second), learner.config.value.width) for second in seconds]
-    shares = firing_shares(torch.tensor(edge_rad), centres, 1 / torch.tensor(widths))
+    shares = firing_shares(torch.tensor(learner.edge_rad), centres, 1 / torch.tensor(widths))
     share = float(shares[centres.argmin()])
     return (
-        f"At the edge of what is seen, {edge_rad:g} rad, the fuzzy network's outermost label, that "
-        f"of {centres.min():g} rad, has {share:.0%} of the firing strength, and farther out nearly "
-        "all of it. What is learned at the edge is learned for what lies beyond."
+        f"At the edge of what is seen, {learner.edge_rad:g} rad, the fuzzy network's outermost "
+        f"label, that of {centres.min():g} rad, has {share:.0%} of the firing strength, and "
+        "farther out nearly all of it. What is learned at the edge is learned for what lies beyond."
     )
 
 
@@ -229,13 +236,15 @@ def _caught(findings: Sequence[Findings]) -> str:
     rows = []
     for each in findings:
         of_sides = [_mean(each.caught[:, moment, side]) for side in range(2) for moment in range(3)]
-        changes = [_mean(each.helped, signed=True), _mean(each.kept, signed=True)]
-        rows.append([f"`{each.kind}`", *of_sides, *changes])
+        gains = [each.helped, each.first_side.kept]
+        gained = [_mean(gain, signed=True) for gain in gains]
+        rows.append([f"`{each.kind}`", *of_sides, _mean(each.control), *gained])
     moments = ("before", "after the left", "after the right")
     head = [
         f"catches of {TESTS}",
         *(f"{side}, {moment}" for side in ("left", "right") for moment in moments),
-        "right: gained on the left",
+        "right, after the left: control",
+        "right: gained on control",
         "left: gained on the right",
     ]
     return table(head, rows)
@@ -252,13 +261,24 @@ def _spread(findings: Sequence[Findings]) -> str:
     return table(head, rows)
 
 
-def _constant(constant: Mapping[str, NDArray[np.float64]]) -> str:
+def _constant(constant: Sequence[FirstSide]) -> str:
     rows = [
-        [f"`{kind}`", *map(_mean, caught.T), _mean(caught[:, 1] - caught[:, 0], signed=True)]
-        for kind, caught in constant.items()
+        [
+            f"`{each.kind}`",
+            *map(_mean, each.caught.T),
+            _mean(each.kept, signed=True),
+            f"{each.diverged[:, 1].sum()}",
+        ]
+        for each in constant
     ]
-    head = [f"catches of {TESTS}", "left, after the left", "left, after the right", "gained"]
-    return table(head, rows)
+    sides = ["left, after the left", "left, after the right"]
+    return table([f"catches of {TESTS}", *sides, "gained", "diverged runs"], rows)
+
+
+def _towards(findings: Sequence[Findings]) -> str:
+    rows = [[f"`{each.kind}`", *map(_mean, each.towards.T)] for each in findings]
+    head = ["share of states where the greedy action turns towards the ball", "seen side"]
+    return table([*head, "unseen side"], rows)
 
 
 def _seen(findings: Sequence[Findings]) -> str:
@@ -266,10 +286,7 @@ def _seen(findings: Sequence[Findings]) -> str:
     rows = [
         [
             f"`{each.kind}`",
-            *(
-                f"{share.mean():.1%}"
-                for share in (each.hidden, each.would_see[:, 1], each.would_see[:, 0])
-            ),
+            *(_mean(share) for share in (each.hidden, each.would_see[:, 1], each.would_see[:, 0])),
         ]
         for each in findings
     ]

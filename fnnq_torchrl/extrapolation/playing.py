@@ -10,13 +10,15 @@ from tensordict import TensorDict
 from torch import Tensor
 
 from envs.follow_ball import FollowBall
+from fnnq_torchrl.config import EXPLORATIONS
 from fnnq_torchrl.engine import make_engine
 from fnnq_torchrl.evaluation import Playing
 from fnnq_torchrl.lanes import lanes_for
-from fnnq_torchrl.policy import EpsilonGreedyPolicy
+from fnnq_torchrl.policy import make_policy
 from fnnq_torchrl.program import act
 from fnnq_torchrl.work import work_through
 
+from .indifferent import IndifferentWhereUnseen
 from .learners import Learner
 
 ANGLES_RAD, SPEEDS_RADPS = (0.3, 0.45, 0.6, 0.75, 0.9), (0.1, -0.1)
@@ -40,26 +42,33 @@ def starts(side: int) -> Tensor:
 
 
 @torch.no_grad()
-def catches(learner: Learner, pages: Sequence[int], side: int) -> Numbers:
+def catches(
+    learner: Learner, pages: Sequence[int], side: int, *, indifferent: bool = False
+) -> Numbers:
     """How many of a side's tests the greedy policy ends in a catch; the head sees both sides.
 
     Args:
         learner: whose policy.
         pages: the evaluations whose weights play.
         side: 1 for the left, where learning began, −1 for the right.
+        indifferent: whether actions are drawn by lot where nothing was seen on the left.
 
     Returns:
         ``[runs, pages]``; of a run that has diverged, 0.
     """
     shape = (len(pages), learner.runs)
     caught = torch.zeros(shape, dtype=torch.int64)
-    weights = {name: weight[list(pages)] for name, weight in learner.snapshots.weights.items()}
+    network, prefix = learner.network, ""
+    if indifferent:
+        network, prefix = IndifferentWhereUnseen(network, learner.edge_rad), "network."
+    saved = learner.snapshots.weights
+    weights = {f"{prefix}{name}": weight[list(pages)] for name, weight in saved.items()}
     engine = make_engine("eager", torch.device("cpu"))
     lanes = lanes_for(caught.numel() * TESTS, engine.workers, engine.most_lanes)
     playing = Playing(
-        learner.network,
+        network,
         learner.config.env.on_both_sides(),
-        starts(side).to(learner.network.candidates.dtype),
+        starts(side).to(network.candidates.dtype),
         learner.snapshots.seed.unsqueeze(-1),
         TensorDict(weights, shape),
         torch.zeros(*shape, TESTS, dtype=torch.bool),
@@ -81,7 +90,7 @@ def shares_beyond(learner: Learner, edges_rad: Sequence[float], whole_view: bool
     and with the same random numbers and exploration, but without learning on.
 
     Args:
-        learner: whose policy, with its ε.
+        learner: whose policy, exploring as it had learned.
         edges_rad: Δθ below each is counted.
         whole_view: as if the head had seen both sides; else as it did.
 
@@ -96,18 +105,20 @@ def shares_beyond(learner: Learner, edges_rad: Sequence[float], whole_view: bool
     lanes = len(pages) * learner.runs
     env = FollowBall(world, [lanes], dtype=learner.network.candidates.dtype)
     weights = {name: w[pages].flatten(0, 1) for name, w in learner.snapshots.weights.items()}
-    policy = EpsilonGreedyPolicy(learner.network, 0.0)  # ε is given at every step
+    config = learner.config
+    exploring: float = getattr(config, EXPLORATIONS[config.exploration])
+    policy = make_policy(config.exploration, learner.network, exploring)
     state = env.start(
         learner.snapshots.seed.repeat(len(pages)).unsqueeze(-1),
         situations[pages].repeat_interleave(learner.runs).unsqueeze(-1),
     )
-    epsilon = torch.full_like(state["bearing"], learner.config.epsilon)
+    amount = torch.full_like(state["bearing"], exploring)
     goes_on = torch.ones_like(state["bearing"], dtype=torch.bool)
     edges = torch.tensor([*edges_rad, torch.inf])  # beyond the last is every state
     visits = torch.zeros(lanes, len(edges))
     for _ in range(world.time_limit_steps):
         visits += goes_on & (state["bearing"] < edges)
-        after = env.step(act(policy, weights, epsilon, state))["next"]
+        after = env.step(act(policy, weights, amount, state))["next"]
         goes_on = goes_on & ~after["terminated"]
         state = after.select(*state.keys())
     counts = visits.view(len(pages), learner.runs, len(edges)).sum(0).double().numpy()

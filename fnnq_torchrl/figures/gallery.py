@@ -36,7 +36,9 @@ FIGURES: dict[str, tuple[str, Draw]] = {
     ),
     "stability": (
         "stability",
-        lambda results: lines_figure(results, "alpha", "step_size", ["mean_score"]),
+        lambda results: lines_figure(
+            results, "alpha", "step_size", ["mean_score"], "value.layer_norm"
+        ),
     ),
     "exploration": ("exploration", lambda results: dots_figure(results, "mean_score")),
     "variants": ("variants", lambda results: dots_figure(results, "mean_score", "lam")),

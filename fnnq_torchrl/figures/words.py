@@ -17,6 +17,7 @@ _KEYS = {  # with their units
     "env.bearing_noise_rad": ("sensor noise", "rad"),
     "action.candidates": ("candidate actions", ""),
     "value.width": ("second number of a label", ""),
+    "value.layer_norm": ("layers normalised", ""),
     "window": ("steps", ""),
 }
 _VALUES = {
@@ -47,7 +48,9 @@ def key_words(key: str) -> str:
 
 def value_words(value: Any) -> str:
     """A value, as a tick calls it."""
-    if isinstance(value, float | int) and not isinstance(value, bool):
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float | int):
         return f"{value:g}"
     return _VALUES.get(value, str(value))
 
