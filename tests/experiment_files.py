@@ -76,6 +76,9 @@ def grid(values: Mapping[str, str], *common: str) -> list[tuple[str, ...]]:
     return [(*common, *job) for job in product(*sweeps)]
 
 
+MANY = "0.01,0.016,0.025,0.04,0.063,0.1,0.16,0.25,0.4,0.63,1"
+"""Values of α, as many and as long as in conf/experiment/adaptive.yaml."""
+
 LAMS = "0,0.1,0.2,0.4,0.7,0.8,1"
 EXPERIMENTS = {
     "fig2": grid({"lam": "0,0.1,0.4,0.8"}),
@@ -83,8 +86,8 @@ EXPERIMENTS = {
     "traces": grid({"trace": "output,gradient", "lam": LAMS}),
     "decay": grid({"alpha": "0.1,0.4", "alpha_decay": "0.9,0.97,0.99,0.997,1"}),
     "adaptive": [
-        *grid({"step_size": "decay,obgd,alpha_bound", "alpha": "0.1,0.4,0.8", "lam": "0.2,0.8"}),
-        *grid({"alpha": "0.1,0.4,0.8", "lam": "0.2,0.8"}, "step_size=constant", "alpha_decay=1"),
+        *grid({"step_size": "decay,obgd,alpha_bound", "alpha": MANY, "lam": "0.2,0.8"}),
+        *grid({"alpha": MANY, "lam": "0.2,0.8"}, "step_size=constant", "alpha_decay=1"),
     ],
     "stability": grid(
         {"value.layer_norm": "1,", "step_size": "constant,obgd", "alpha": "0.1,0.4,0.8"},

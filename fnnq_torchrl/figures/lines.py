@@ -15,7 +15,7 @@ from fnnq_torchrl.stats import bootstrap_interval
 from .style import LINES, count_words, label_ends, new_figure, quiet_grid
 from .words import key_words, setting_words, value_words
 
-_PANEL_IN, _HEIGHT_IN = 4.6, 4.2
+_PANEL_IN, _HEIGHT_IN, _TICK_IN = 4.6, 4.2, 0.55
 INTERVAL = f"{100 * CONFIDENCE:g} % bootstrap interval"
 
 
@@ -39,13 +39,15 @@ def lines_figure(
     parts = [experiment]
     if panels:
         parts = [experiment.where(panels, value) for value in experiment.values(panels)]
+    panel_in = max(_PANEL_IN, _TICK_IN * len(experiment.values(x)))
     figure = new_figure(
-        1 + _PANEL_IN * len(measures) * len(parts),
+        1 + panel_in * len(measures) * len(parts),
         _HEIGHT_IN,
         f"{names.capitalize()} against {key_words(x)}, {over} each",
         f"line: mean over {over}; band: its {INTERVAL}",
     )
-    row = figure.subplots(1, len(measures) * len(parts), squeeze=False)[0]
+    one_scale = len(measures) == 1
+    row = figure.subplots(1, len(measures) * len(parts), sharey=one_scale, squeeze=False)[0]
     for axes, (part, name) in zip(row, product(parts, measures), strict=True):
         draw_lines(axes, part, x, lines, name)
         if panels:
@@ -76,5 +78,5 @@ def draw_lines(axes: Axes, experiment: Experiment, x: str, lines: str, measure: 
     axes.set_xticks(places, labels=[value_words(value) for value in values])
     axes.set_xlabel(key_words(x))
     axes.set_ylabel(MEASURES[measure].words)
-    axes.set_ylim(0, 1.05 * top or 1)
+    axes.set_ylim(0, max(1.05 * top or 1, axes.get_ylim()[1]))  # another panel may share it
     quiet_grid(axes)
