@@ -187,6 +187,32 @@ def paired_difference(
     return Difference(mean, effect, better, runs_needed(effect, confidence))
 
 
+class Chosen(NamedTuple):
+    """One of several choices."""
+
+    choice: int
+    judged: NDArray[np.float64]  # its scores, of runs that had no say in the choice
+
+
+def choose_by_half(scores: ArrayLike) -> Chosen:
+    """The choice with the highest mean over the first half of the runs; the others judge it.
+
+    Lest what chance favours be called the best.
+
+    Args:
+        scores: ``[choices, runs]``.
+
+    Raises:
+        ValueError: there are fewer than four runs.
+    """
+    scores = np.asarray(scores, np.float64)
+    runs = scores.shape[1]
+    if runs < 4:
+        raise ValueError(f"{runs} runs are too few to choose by half of them")
+    choice = int(scores[:, : runs // 2].mean(axis=1).argmax())
+    return Chosen(choice, scores[choice, runs // 2 :])
+
+
 def standardised(differences: ArrayLike) -> float:
     """Mean over standard deviation (Cohen's d of paired samples); NaN for a single run."""
     differences = np.asarray(differences, np.float64)

@@ -140,7 +140,7 @@ def test_what_is_missing_is_one_line(
     with pytest.raises(SystemExit, match=r"adaptive has no finished results: .*=adaptive$"):
         main()
     few = invented(tmp_path, "adaptive", JOBS, runs=3)
-    with pytest.raises(NoResults, match=r"^adaptive has 3 seeds, too few to choose"):
+    with pytest.raises(ValueError, match=r"^3 runs are too few to choose by half"):
         write_page(few, stability)
     with pytest.raises(SystemExit, match=r"stability has no finished results: .*=stability$"):
         main()

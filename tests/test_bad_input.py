@@ -14,6 +14,7 @@ from omegaconf import OmegaConf
 from envs.ranges import allowed
 from fnnq_torchrl import job as job_module
 from fnnq_torchrl.adaptive.__main__ import main as adaptive
+from fnnq_torchrl.batches import RESULTS
 from fnnq_torchrl.compose import load_config
 from fnnq_torchrl.config import Config
 from fnnq_torchrl.extrapolation.__main__ import main as extrapolation
@@ -24,6 +25,7 @@ from fnnq_torchrl.reproduction.__main__ import main as reproduction
 from fnnq_torchrl.saved import FORMAT
 
 from .commands import fnnq_train
+from .programs import SMALL_WORLD
 
 PAGES = {
     "figures": figures,
@@ -106,6 +108,7 @@ TORN = "evaluations.csv is not a complete evaluations file: its last row is cut 
 NO_NUMBER = "evaluations.csv is not a complete evaluations file: could not convert string "
 OTHERS = "is of another configuration or PyTorch; take another directory, or begin anew with "
 # A line, or where it ends in an ellipsis its beginning, by what is typed.
+# Commands that write figures and pages have no keys: none to be out of range, or to contradict.
 TABLE: dict[str, dict[str, tuple[int, str]]] = {
     "wrong type": {
         "train logger=mlflow logger.mlflow.timeout_s=x": (
@@ -242,6 +245,10 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train alpha=1e400": (2, "alpha=inf: must be a number in [0, inf)"),
         "train -m num_seeds=1000000000000,1": (2, "1,000,000,000,000 runs with 41 evaluations …"),
         "figures fig2 --results huge": (1, f"huge/fig2/2026-01-02_03-04-05/0/{NO_NUMBER}'100…"),
+        "reproduction --results huge": (
+            1,
+            f"huge/fig2_large/2026-01-02_03-04-05/0/{NO_NUMBER}'100…",
+        ),
         "adaptive --results huge": (1, f"huge/adaptive/2026-01-02_03-04-05/0/{NO_NUMBER}'100…"),
         "extrapolation --results huge": (
             1,
@@ -315,12 +322,18 @@ overrides = st.builds(
 )
 
 
-@given(st.lists(overrides.filter(lambda text: not text.startswith("-")), max_size=3), st.booleans())
+lists_of_overrides = st.lists(
+    overrides.filter(lambda text: not text.startswith("-")), min_size=1, max_size=3
+)
 # A tenth of the others' examples, since each takes a tenth of a second.
-@settings(
+few = settings(
     max_examples=settings().max_examples // 10,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
+
+
+@given(lists_of_overrides, st.booleans())
+@few
 def test_no_overrides_at_all_bring_a_traceback(
     tmp_path_factory: pytest.TempPathFactory,
     monkeypatch: pytest.MonkeyPatch,
@@ -340,3 +353,22 @@ def test_no_overrides_at_all_bring_a_traceback(
     assert told.count("\n") == (status != 0), told
     assert "Traceback" not in told
     assert not results()
+
+
+TINY = (*SMALL_WORLD, "situations=5", "num_seeds=2", "engine=eager", "hydra.run.dir=job")
+
+
+@given(lists_of_overrides)
+@few
+def test_overrides_leave_all_of_a_result_or_nothing(
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+) -> None:
+    monkeypatch.chdir(tmp_path_factory.mktemp("fuzz"))
+    status = fnnq_train(*QUIET, *arguments, *TINY)
+    assert status in (0, 1, 2)
+    assert "Traceback" not in capsys.readouterr().err
+    found = {path.name for path in Path("job").glob("*") if path.suffix != ".log"}
+    assert found - {".hydra"} == ({*RESULTS, "learning_curve.png"} if status == 0 else set())

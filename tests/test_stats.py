@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fnnq_torchrl.stats import (
     Statistic,
     bootstrap_interval,
+    choose_by_half,
     improvement,
     interquartile_mean,
     mean_interval,
@@ -192,3 +193,11 @@ def test_the_ends_of_what_can_be_seen() -> None:
     assert standardised([1.0, 1.0, 1.0]) == np.inf
     assert standardised([0.0, 0.0]) == 0
     assert np.isnan(standardised([1.0]))
+
+
+def test_a_choice_is_judged_by_runs_that_had_no_say_in_it() -> None:
+    scores = [[1, 1, 1, 9, 9, 9], [2, 2, 2, 0, 1, 5]]
+    choice, judged = choose_by_half(scores)
+    assert (choice, judged.tolist()) == (1, [0, 1, 5])
+    with pytest.raises(ValueError, match=r"^3 runs are too few"):
+        choose_by_half([[1, 2, 3]])

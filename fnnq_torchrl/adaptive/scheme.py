@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fnnq_torchrl.experiments import Experiment, NoResults
+from fnnq_torchrl.experiments import Experiment
 from fnnq_torchrl.measures import MEASURES
 from fnnq_torchrl.reproduction.pool import same_seeds
-from fnnq_torchrl.stats import Interval, paired_difference
+from fnnq_torchrl.stats import Interval, choose_by_half, paired_difference
 
 MEASURE = "mean_score"
 
@@ -17,8 +17,7 @@ MEASURE = "mean_score"
 class Scheme:
     """Scores of one step size with one λ.
 
-    The best α and the worst are chosen by the first half of the seeds and judged by the second,
-    lest what chance favours be called best.
+    The best α and the worst are chosen by half of the seeds (`choose_by_half`).
 
     Attributes:
         before: the mean score of all runs before they learned.
@@ -46,21 +45,19 @@ def read_scheme(experiment: Experiment, step_size: str, lam: float) -> Scheme:
     """The step size's jobs, one for each α of the experiment.
 
     Raises:
-        NoResults: a job is missing, has other seeds, or all have too few runs to be halved.
+        NoResults: a job is missing, or has other seeds.
+        ValueError: there are too few runs to be halved.
     """
     alphas = sorted(experiment.values("alpha"))
     runs = same_seeds(experiment.jobs)
-    if runs < 4:
-        raise NoResults(f"{experiment.name} has {runs} seeds, too few to choose α by half of them")
     jobs = [experiment.job(step_size=step_size, lam=lam, alpha=alpha) for alpha in alphas]
     scores = np.stack([MEASURES[MEASURE].of(job.evaluations)[:runs] for job in jobs])
-    chosen, judged = scores[:, : runs // 2], scores[:, runs // 2 :]
-    best, worst = (int(choose(chosen.mean(axis=1))) for choose in (np.argmax, np.argmin))
+    best, worst = choose_by_half(scores), choose_by_half(-scores)
     return Scheme(
         before=float(np.mean([job.evaluations.catches[:, 0] for job in jobs])),
-        best_alpha=alphas[best],
-        at_best=judged[best],
-        at_worst=judged[worst],
+        best_alpha=alphas[best.choice],
+        at_best=best.judged,
+        at_worst=-worst.judged,
         over_alphas=scores.mean(axis=0),
         diverged={job.settings["alpha"]: job.evaluations.diverged_runs for job in jobs},
     )

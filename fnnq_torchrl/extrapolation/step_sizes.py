@@ -6,7 +6,7 @@ import numpy as np
 
 from fnnq_torchrl.experiments import Experiment, NoResults
 from fnnq_torchrl.reproduction.markdown import interval_words
-from fnnq_torchrl.stats import Interval, bootstrap_interval
+from fnnq_torchrl.stats import Interval, bootstrap_interval, choose_by_half
 
 
 @dataclass(frozen=True)
@@ -32,22 +32,16 @@ class BestStep:
 def best_steps(sweep: Experiment) -> dict[str, BestStep]:
     """The best step size of every value function in a sweep over both, by its kind.
 
-    Chosen by the first half of the seeds and judged by the second, lest chance be judged.
-
     Raises:
-        NoResults: there are too few seeds.
+        ValueError: there are too few seeds to choose by half of them (`choose_by_half`).
     """
-    if sweep.runs < 4:
-        raise NoResults(f"{sweep.name} has {sweep.runs} seeds, too few to choose α by half of them")
-    half, found = sweep.runs // 2, {}
+    found = {}
     for kind in sweep.values("value.kind"):
         jobs = [job for job in sweep.jobs if job.settings["value.kind"] == kind]
-        best = max(jobs, key=lambda job: job.evaluations.mean_score[:half].mean())
-        found[kind] = BestStep(
-            best.settings["alpha"],
-            bootstrap_interval(np.mean, best.evaluations.mean_score[half:]),
-            sorted(job.settings["alpha"] for job in jobs),
-        )
+        alphas = [job.settings["alpha"] for job in jobs]
+        best = choose_by_half([job.evaluations.mean_score[: sweep.runs] for job in jobs])
+        score = bootstrap_interval(np.mean, best.judged)
+        found[kind] = BestStep(alphas[best.choice], score, sorted(alphas))
     return found
 
 
