@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import wandb
+from wandb.errors import AuthenticationError, CommError
 
 from fnnq_torchrl.batches import Job
 from fnnq_torchrl.config import PER_RUN, ConfigError, flat
@@ -217,41 +218,39 @@ def test_the_user_is_told_what_to_expect(tmp_path: Path, capfd: pytest.CaptureFi
     ]
 
 
-def test_a_server_that_isnt_there_is_told_of_and_done_without(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (
+            CommError("timed out"),
+            "can't reach its server, so it logs offline from now on: timed out",
+        ),
+        (
+            AuthenticationError("401\nUnauthorized"),
+            "is refused by its server, so it logs offline from now on: 401",
+        ),
+    ],
+    ids=["unreachable", "refused"],
+)
+def test_a_server_that_is_no_use_is_told_of_and_done_without(
+    error: CommError,
+    told: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("WANDB_API_KEY", KEY)
     init = wandb.init
 
-    def unreachable(mode: str, **settings: object) -> wandb.Run:
+    def offline_only(mode: str, **settings: object) -> wandb.Run:
         if mode == "online":
-            raise wandb.errors.CommError("timed out")
+            raise error
         return init(mode=mode, **settings)
 
-    monkeypatch.setattr(wandb, "init", unreachable)
+    monkeypatch.setattr(wandb, "init", offline_only)
     job = write_job(tmp_path, "num_seeds=2", "logger=wandb")
     assert len(logged(job)) == 1
-    assert capfd.readouterr().err == (
-        "wandb: can't reach its server, so it logs offline from now on: timed out\n"
-    )
-
-
-def test_a_server_that_refuses_the_login_is_told_of(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("WANDB_API_KEY", KEY)
-    init = wandb.init
-
-    def refused(mode: str, **settings: object) -> wandb.Run:
-        if mode == "online":
-            raise wandb.errors.AuthenticationError("401\nUnauthorized")
-        return init(mode=mode, **settings)
-
-    monkeypatch.setattr(wandb, "init", refused)
-    assert len(logged(write_job(tmp_path, "num_seeds=2", "logger=wandb"))) == 1
-    assert capfd.readouterr().err == (
-        "wandb: is refused by its server, so it logs offline from now on: 401\n"
-    )
+    assert capfd.readouterr().err == f"wandb: {told}\n"
 
 
 def test_a_server_that_is_slow_in_the_end_is_told_of_once(

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from .learners import Learner
 
@@ -68,9 +69,10 @@ def towards_the_ball(learner: Learner, page: int) -> tuple[Numbers, Numbers]:
     Returns:
         The share of the seen states but straight ahead, and of the unseen ones, ``[runs]`` each.
     """
-    where, candidates = regions(learner), learner.network.candidates
-    greedy = candidates[learner.values(learner.weights(page), STATES).argmax(-1)]
-    turns = (greedy * STATES < 0).double().numpy()  # a positive Δv turns right, from a positive Δθ
+    where = regions(learner)
+    turns = (
+        (_greedy(learner, page) * STATES < 0).double().numpy()
+    )  # a positive Δv turns right, from a positive Δθ
     seen = where.seen & (STATES.abs().numpy() > 1e-6)
     return turns[:, seen].mean(axis=1), turns[:, where.unseen].mean(axis=1)
 
@@ -82,11 +84,16 @@ def greedy_change_beyond(learner: Learner, page: int) -> tuple[Numbers, Numbers]
         The mean |Δv| over the states beyond, on the seen side and on the other, ``[runs]`` each.
     """
     where = regions(learner)
-    candidates = learner.network.candidates
-    greedy = candidates[learner.values(learner.weights(page), STATES).argmax(-1)].double().numpy()
+    greedy = _greedy(learner, page).double().numpy()
     inside = np.flatnonzero(where.seen | where.unseen)
     left, right = greedy[:, inside[-1:]], greedy[:, inside[:1]]
     return (
         np.abs(greedy[:, where.beyond_seen] - left).mean(axis=1),
         np.abs(greedy[:, where.beyond_unseen] - right).mean(axis=1),
     )
+
+
+def _greedy(learner: Learner, page: int) -> Tensor:
+    """The greedy action Δv on `STATES`, ``[runs, states]``."""
+    candidates = learner.network.candidates
+    return candidates[learner.values(learner.weights(page), STATES).argmax(-1)]

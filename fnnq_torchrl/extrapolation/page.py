@@ -79,11 +79,11 @@ second half:
 ![Movement of Q against the bearing](figures/extrapolation_movement.png)
 
 {movement}
-{towards}
 «Beyond» is what lies outside the field of view, up to 1.5 rad on either side. The sensor clips what
 it reports at ±{view:g} rad, so these states never occur, in learning or in tests. The last two
 columns are how far the greedy action there is from that at the edge of the view, in units of Δv.
 
+{towards}
 ## Catches, and what is forgotten
 
 ![Catches on either side at three moments](figures/extrapolation_catches.png)
