@@ -11,9 +11,9 @@ import sys
 import numpy as np
 from machine import describe_machine
 
-from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.stats import mean_interval
-from fnnq_torchrl.trainer import Trainer
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.intervals import mean_interval
+from fnnq_torchrl.training.trainer import Trainer
 
 
 def learn(engine: str, runs: int) -> tuple[np.ndarray, float]:

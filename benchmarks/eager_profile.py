@@ -17,14 +17,15 @@ import torch
 from tables import short, table
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from envs import ball, streams
-from envs.follow_ball import FollowBall
-from fnnq_torchrl import program
-from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.lanes import lanes_for, repeat_last
-from fnnq_torchrl.program import Program
-from fnnq_torchrl.threads import threads_for
-from fnnq_torchrl.trainer import Trainer
+from envs.core import streams
+from envs.robot import balls as ball
+from envs.robot.follow import FollowBall
+from fnnq_torchrl.agent import learning_step as program
+from fnnq_torchrl.agent.learning_step import Program
+from fnnq_torchrl.engine.lanes import lanes_for, repeat_last
+from fnnq_torchrl.engine.threads import threads_for
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.trainer import Trainer
 
 # Where a step looks its parts up.
 PARTS = {

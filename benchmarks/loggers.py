@@ -29,7 +29,7 @@ def train(runs: int, directory: Path) -> tuple[float, float]:
     """The seconds of learning and testing, compiling included, and of writing evaluations.csv."""
     command = ["-m", "fnnq_torchrl.train", f"num_seeds={runs}", f"hydra.run.dir={directory}"]
     subprocess.run([sys.executable, *command], check=True, capture_output=True)
-    from fnnq_torchrl.results import read_evaluations, write_evaluations
+    from fnnq_torchrl.training.results import read_evaluations, write_evaluations
 
     summary = json.loads((directory / "summary.json").read_text())
     evaluations = read_evaluations(directory / "evaluations.csv")
@@ -48,11 +48,11 @@ def measure(directory: Path, overrides: list[str]) -> tuple[float, float]:
 
 
 def log(directory: Path, overrides: list[str]) -> None:
-    import fnnq_torchrl.job  # noqa: F401  # whoever has trained has imported all this
-    from fnnq_torchrl.batches import Job
-    from fnnq_torchrl.compose import load_config
-    from fnnq_torchrl.loggers import Loggers
-    from fnnq_torchrl.results import read_summary
+    import fnnq_torchrl.training.job  # noqa: F401  # whoever has trained has imported all this
+    from fnnq_torchrl.launch.composition import load_config
+    from fnnq_torchrl.training.jobs import Job
+    from fnnq_torchrl.training.loggers import Loggers
+    from fnnq_torchrl.training.results import read_summary
 
     runs = read_summary(directory / "summary.json")["runs"]
     job = Job(load_config(*overrides, f"num_seeds={runs}"), directory)

@@ -64,9 +64,9 @@ class Learner:
 def main() -> None:
     from tensordict import TensorDictBase
 
-    from fnnq_torchrl.compose import load_config
-    from fnnq_torchrl.loops import Loop, MakeStep
-    from fnnq_torchrl.trainer import Trainer
+    from fnnq_torchrl.engine.loops import Loop, MakeStep
+    from fnnq_torchrl.launch.composition import load_config
+    from fnnq_torchrl.training.trainer import Trainer
 
     config = load_config("lam=0.2", "engine=compiled", *sys.argv[1:])
     engine = Trainer(config).engine

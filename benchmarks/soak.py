@@ -12,9 +12,9 @@ from machine import describe_machine
 from tables import in_bytes, table
 from watched import memory_bytes
 
-from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.memory import sizes_of
-from fnnq_torchrl.trainer import Trainer
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.memory import sizes_of
+from fnnq_torchrl.training.trainer import Trainer
 
 RUNS = 22
 MARKS = (1, 2, 5, 10, 20, 50, 100)  # millions of steps
@@ -28,7 +28,7 @@ class Mark:
 
 
 class Watch:
-    """The :class:`fnnq_torchrl.work.Keeper` that looks at the memory at each mark."""
+    """The :class:`fnnq_torchrl.engine.scheduler.Keeper` that looks at the memory at each mark."""
 
     def __init__(self) -> None:
         self.marks: list[Mark] = []

@@ -25,11 +25,11 @@ import yaml
 from machine import describe_machine
 from matplotlib.image import imread
 
-from fnnq_torchrl.batches import TRAINING
-from fnnq_torchrl.checkpoint import load_checkpoint
-from fnnq_torchrl.plain import read_plain
-from fnnq_torchrl.results import read_evaluations, read_summary
-from fnnq_torchrl.saved import FORMAT
+from fnnq_torchrl.files.plain import read_plain
+from fnnq_torchrl.training.checkpoint import load_checkpoint
+from fnnq_torchrl.training.jobs import TRAINING
+from fnnq_torchrl.training.results import read_evaluations, read_summary
+from fnnq_torchrl.training.resume.saved import FORMAT
 
 EVERY_S = 0.05
 ANY_MOMENT = 0.3  # share of the kills that come at any moment, importing and the end included

@@ -1,4 +1,41 @@
 """Peng's Q(λ) with the Q-function and its eligibility trace in a fuzzy neural network, in TorchRL.
 
-This file imports nothing, so that a configuration can be checked without importing torch.
+The public names are loaded when they are first used, so that a configuration can be checked without
+importing torch.
 """
+
+from importlib import import_module
+from typing import Any
+
+_HOMES = {
+    "BoltzmannPolicy": "agent.policy",
+    "Config": "config.schema",
+    "ConfigError": "config.schema",
+    "EligibilityTrace": "agent.eligibility_trace",
+    "EpsilonGreedyPolicy": "agent.policy",
+    "FNNQValue": "agent.values",
+    "MLPValue": "agent.values",
+    "NoisyPolicy": "agent.policy",
+    "PengQLambdaLoss": "agent.loss",
+    "RBFValue": "agent.values",
+    "TableValue": "agent.values",
+    "TilesValue": "agent.values",
+    "ValueNetwork": "agent.values",
+    "load_checkpoint": "training.checkpoint",
+    "load_config": "launch.composition",
+    "load_snapshots": "training.snapshot_file",
+    "read_evaluations": "training.results",
+    "read_summary": "training.results",
+}
+
+__all__ = list(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

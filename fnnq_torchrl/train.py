@@ -3,14 +3,14 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from fnnq_torchrl.batches import Job, Result
-from fnnq_torchrl.cli import command
-from fnnq_torchrl.config import Config
+from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.launch.command import command
+from fnnq_torchrl.training.jobs import Job, Result
 
 
 def train(config: Config, directory: Path) -> float:
     """Trains what the configuration says and writes the results into `directory`."""
-    from fnnq_torchrl.job import run_job  # after the checks: torch takes seconds to import
+    from fnnq_torchrl.training.job import run_job  # after the checks: torch takes seconds to import
 
     return run_job(config, directory)
 
@@ -19,7 +19,7 @@ def train_batches(
     batches: Sequence[Sequence[Job]], *, pictures: bool
 ) -> Iterator[Sequence[Result]]:
     """Trains what a multirun has gathered."""
-    from fnnq_torchrl.job import run_batches
+    from fnnq_torchrl.training.job import run_batches
 
     return run_batches(batches, pictures=pictures)
 

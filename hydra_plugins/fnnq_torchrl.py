@@ -17,7 +17,7 @@ from omegaconf import DictConfig
 
 
 class BatchLauncher(Launcher):
-    """Runs the jobs of a multirun in batches: `fnnq_torchrl.launcher.Multirun`.
+    """Runs the jobs of a multirun in batches: `fnnq_torchrl.launch.launcher.Multirun`.
 
     Args:
         **settings: those of ``conf/hydra/launcher/batch.yaml``.
@@ -29,7 +29,7 @@ class BatchLauncher(Launcher):
     def setup(
         self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig
     ) -> None:
-        from fnnq_torchrl.launcher import Multirun
+        from fnnq_torchrl.launch.launcher import Multirun
 
         self._multirun = Multirun(self._settings, hydra_context, task_function, config)
 

@@ -5,7 +5,7 @@ import signal
 import sys
 
 from fnnq_torchrl import train
-from fnnq_torchrl.loggers import Loggers
+from fnnq_torchrl.training.loggers import Loggers
 
 SIGNALS = [
     getattr(signal, name)

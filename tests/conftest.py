@@ -14,7 +14,7 @@ import pytest
 from hypothesis import settings
 
 if TYPE_CHECKING:
-    from fnnq_torchrl.experiments import Experiment
+    from fnnq_torchrl.studies.experiments import Experiment
 
 # The first call of a torch operation can take seconds, so no example has a deadline.
 settings.register_profile("here", deadline=None, derandomize="CI" in os.environ, print_blob=True)
@@ -34,7 +34,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture(scope="session")
 def compiler() -> None:
     """Only where there is a C++ compiler."""
-    from fnnq_torchrl.native import compiler_found
+    from fnnq_torchrl.engine.native import compiler_found
 
     if not compiler_found():
         pytest.skip("needs a C++ compiler")
@@ -58,6 +58,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def experiments(results: Path) -> "dict[str, Experiment]":
     """The same, read."""
-    from fnnq_torchrl.experiments import newest_experiment
+    from fnnq_torchrl.studies.experiments import newest_experiment
 
     return {path.name: newest_experiment(results, path.name) for path in results.iterdir()}

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.results import Evaluations, write_evaluations
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.results import Evaluations, write_evaluations
 
 Settings = dict[str, Any]
 Level = Callable[[Settings], float]

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import torch
 
-from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.config import Config
-from fnnq_torchrl.results import write_evaluations
-from fnnq_torchrl.snapshot_file import save_snapshots
-from fnnq_torchrl.values import make_value_network
+from fnnq_torchrl.agent.values import make_value_network
+from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.results import write_evaluations
+from fnnq_torchrl.training.snapshot_file import save_snapshots
 
 from .experiment_files import invented
 from .programs import SMALL_WORLD

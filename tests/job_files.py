@@ -7,9 +7,15 @@ import numpy as np
 import pytest
 from matplotlib.image import imsave
 
-from fnnq_torchrl.batches import Job
-from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.results import Evaluations, Outcome, summarise, write_evaluations, write_summary
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.jobs import Job
+from fnnq_torchrl.training.results import (
+    Evaluations,
+    Outcome,
+    summarise,
+    write_evaluations,
+    write_summary,
+)
 
 from .experiment_files import invented
 

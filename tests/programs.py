@@ -6,14 +6,14 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from envs.follow_ball import FollowBall
-from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.config import PER_RUN, Config
-from fnnq_torchrl.lanes import LANES, Values, repeat_last
-from fnnq_torchrl.program import Program
-from fnnq_torchrl.qlambda import Rule
-from fnnq_torchrl.step_size import StepSize
-from fnnq_torchrl.values import ValueNetwork, make_value_network
+from envs.robot.follow import FollowBall
+from fnnq_torchrl.agent.learning_step import Program
+from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
+from fnnq_torchrl.config.schema import PER_RUN, Config
+from fnnq_torchrl.engine.lanes import LANES, Values, repeat_last
+from fnnq_torchrl.equations.q_lambda import Rule
+from fnnq_torchrl.equations.step_size import StepSize
+from fnnq_torchrl.launch.composition import load_config
 
 SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
 """Every situation is over after 10 to 14 steps, some by a catch and some by a miss."""

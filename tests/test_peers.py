@@ -21,10 +21,10 @@ from benchmarks.peers.results import (
 from benchmarks.peers.runs import Run
 from benchmarks.peers.task import moments, score
 from benchmarks.peers.tune import LEARNING_RATES, best_rate, read_tuning
-from envs.follow_ball import FollowBall
-from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.trainer import Trainer
-from fnnq_torchrl.values import ValueNetwork, make_value_network
+from envs.robot.follow import FollowBall
+from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.trainer import Trainer
 
 SEED = 3
 

@@ -12,7 +12,7 @@ from itertools import chain, product
 from pathlib import Path
 
 from benchmarks.machine import describe_machine
-from fnnq_torchrl.figures.style import save
+from fnnq_torchrl.training.pictures.style import save
 
 from .figure import peers_figure
 from .learners import PEERS, fuzzy_command

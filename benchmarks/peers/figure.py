@@ -6,7 +6,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import StrMethodFormatter
 from numpy.typing import NDArray
 
-from fnnq_torchrl.figures.style import (
+from fnnq_torchrl.training.intervals import mean_interval
+from fnnq_torchrl.training.pictures.style import (
     COLOURS,
     LABEL_PT,
     count_words,
@@ -14,8 +15,7 @@ from fnnq_torchrl.figures.style import (
     new_figure,
     quiet_grid,
 )
-from fnnq_torchrl.results import CONFIDENCE
-from fnnq_torchrl.stats import mean_interval
+from fnnq_torchrl.training.results import CONFIDENCE
 
 from .learners import PEERS
 from .results import ALONE, NO_TRACE, OURS, WORDS, Results, catches, eager_seconds, seconds

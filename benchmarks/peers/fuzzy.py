@@ -10,10 +10,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.follow_ball import FollowBall
-from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.config import Config
-from fnnq_torchrl.trainer import Trainer
+from envs.robot.follow import FollowBall
+from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.trainer import Trainer
 
 from .runs import Run, versions_of
 from .task import moments

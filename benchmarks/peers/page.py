@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.stats import ttest_ind
 
 from benchmarks.tables import short, spread, table
-from fnnq_torchrl.results import CONFIDENCE, FINAL_EVALUATIONS
-from fnnq_torchrl.stats import mean_interval
+from fnnq_torchrl.training.intervals import mean_interval
+from fnnq_torchrl.training.results import CONFIDENCE, FINAL_EVALUATIONS
 
 from .dqn import Settings, in_words
 from .learners import PEERS
@@ -75,7 +75,7 @@ $time
   after so many steps is that of the last evaluation until then.
 * *DQN, TorchRL* is made of TorchRL's own `DQNLoss`, `SoftUpdate`, `Collector`, replay buffer and
   `EGreedyModule`, on `FollowBall` with an `ActionDiscretizer`.
-* *DQN, Stable-Baselines3* is its `DQN`, through `envs.gymnasium_face.FollowBallGym`, which both
+* *DQN, Stable-Baselines3* is its `DQN`, through `envs.gymnasium.FollowBallGym`, which both
   Gymnasium's and its own checker of environments pass. It has an environment of its own,
   `benchmarks/peers/.venv`.
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fnnq_torchrl.atomic import atomic_write
-from fnnq_torchrl.results import FINAL_EVALUATIONS
+from fnnq_torchrl.files.atomic import atomic_write
+from fnnq_torchrl.training.results import FINAL_EVALUATIONS
 
 from .learners import PEERS
 from .runs import Run

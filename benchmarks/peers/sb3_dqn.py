@@ -9,7 +9,7 @@ from stable_baselines3 import DQN
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_checker import check_env
 
-from envs.gymnasium_face import FollowBallGym
+from envs.gymnasium import FollowBallGym
 
 from .dqn import Settings, command_line
 from .runs import Run, versions_of

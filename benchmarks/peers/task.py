@@ -7,10 +7,10 @@ from time import perf_counter
 import torch
 from torch import Tensor, nn
 
-from envs.follow_ball import FollowBall
-from fnnq_torchrl.compose import load_config
-from fnnq_torchrl.config import Config
-from fnnq_torchrl.evaluation import FIRST_EPISODE
+from envs.robot.follow import FollowBall
+from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.evaluation import FIRST_EPISODE
 
 STEPS = 12_000
 """Of learning: about what 200 situations take with λ = 0.2."""
@@ -65,7 +65,7 @@ def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]
     """How many of the test's situations the greedy policy of each network ends in a catch.
 
     Played side by side, all networks and situations, with the random numbers of
-    `fnnq_torchrl.evaluation`.
+    `fnnq_torchrl.training.evaluation`.
 
     Args:
         networks: of the evaluations in turn; each takes bearings ``[n, 1]`` to the values of the

@@ -13,7 +13,7 @@ from torchrl.envs import ActionDiscretizer, Compose, InitTracker, SqueezeTransfo
 from torchrl.modules import MLP, EGreedyModule, QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
-from envs.follow_ball import FollowBall
+from envs.robot.follow import FollowBall
 
 from .dqn import Settings, command_line
 from .runs import Run, versions_of

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from itertools import product
 from statistics import mean
 
-from fnnq_torchrl.atomic import atomic_write
+from fnnq_torchrl.files.atomic import atomic_write
 
 from .learners import FOLDER, PEERS
 from .runs import side_by_side

@@ -7,8 +7,8 @@ import torch
 from tensordict.nn import TensorDictModule
 from torch import Tensor
 
-from envs.world import World
-from fnnq_torchrl.compose import load_config
+from envs.robot.schemas import World
+from fnnq_torchrl.launch.composition import load_config
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,7 @@
 
 import math
 
-from envs.world import World
+from envs.robot.schemas import World
 
 from .pcg import draw
 

@@ -2,8 +2,8 @@
 
 Watkins' and naive Q(λ): R. S. Sutton, A. G. Barto, "Reinforcement learning", 1998, fig. 7.14 and
 section 7.6. The trace counts the present pair before it is used, so all pairs get αδ′e. Peng's: the
-paper's Table 1, where it counts it afterwards. The step sizes: `fnnq_torchrl.step_size` has their
-sources.
+paper's Table 1, where it counts it afterwards. The step sizes: `equations.step_size` has
+their sources.
 """
 
 from collections.abc import Iterator

@@ -10,9 +10,9 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 
-from envs import streams
-from envs.pure import WHEN, PureEnv
-from envs.streams import Stream
+from envs.core import streams
+from envs.core.pure import WHEN, PureEnv
+from envs.core.streams import Stream
 
 from .pcg import draw
 from .peng import Arrival

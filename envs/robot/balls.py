@@ -1,0 +1,40 @@
+"""A ball that rolls on a circle around the origin."""
+
+import torch
+from torch import Tensor
+
+from envs.core.streams import coin, uniform
+
+
+def position(angle_rad: Tensor, circle_radius_m: float) -> tuple[Tensor, Tensor]:
+    """Where the ball is: x = R cos φ, y = R sin φ, in metres, shaped as ``angle_rad``."""
+    return circle_radius_m * torch.cos(angle_rad), circle_radius_m * torch.sin(angle_rad)
+
+
+def roll(angle_rad: Tensor, speed_radps: Tensor, time_step_s: float) -> Tensor:
+    """The ball's angle after a time step: φ + ω_b·dt."""
+    return angle_rad + speed_radps * time_step_s
+
+
+def random_start(
+    angle_word: Tensor,
+    speed_word: Tensor,
+    start_angle_rad: float,
+    speed_range_radps: tuple[float, float],
+    dtype: torch.dtype,
+) -> tuple[Tensor, Tensor]:
+    """A ball's start for learning: φ₀ ~ U(−φ_max, φ_max), ω_b ~ ±U(low, high), sign a fair coin.
+
+    Args:
+        angle_word, speed_word: random 32-bit words (:func:`envs.core.streams.draw`), any shape.
+        start_angle_rad: φ_max.
+        speed_range_radps: low and high of |ω_b|.
+        dtype: of the result.
+
+    Returns:
+        φ₀ in rad and ω_b in rad/s, shaped as the words.
+    """
+    low, high = speed_range_radps
+    angle_rad = start_angle_rad * (2 * uniform(angle_word, dtype) - 1)
+    speed_radps = low + (high - low) * uniform(speed_word, dtype)
+    return angle_rad, torch.where(coin(speed_word), speed_radps, -speed_radps)

@@ -1,0 +1,6 @@
+"""``python -m fnnq_torchrl`` is ``python -m fnnq_torchrl.train``."""
+
+from fnnq_torchrl.train import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The TorchRL faces of the equations: value networks, policies, loss, trace, learning step."""

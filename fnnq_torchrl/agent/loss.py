@@ -1,0 +1,98 @@
+"""Q(λ) as TorchRL has its losses: a LossModule, and a hook that holds the trace."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from tensordict.utils import NestedKey
+from torch import Tensor, nn
+from torchrl.objectives import LossModule
+
+from fnnq_torchrl.agent.values import ValueNetwork
+from fnnq_torchrl.equations import q_lambda
+from fnnq_torchrl.equations.layout import over_batch, run_numbers
+
+
+class PengQLambdaLoss(LossModule):
+    """The two errors of Peng's Q(λ), and the loss of one-step Q-learning.
+
+    ``loss`` is ½Σδ′² over the runs. It is a sum, because then the gradient for a run's weights is
+    that run's own: −δ′∇Q(s, a), and plain SGD on it is Q(0). :class:`EligibilityTrace` makes it
+    Q(λ).
+
+    Reads the network's observations, ``action`` and ``action_value`` (Q(s, ·) of the candidates, as
+    the policy wrote it: from the weights before the update, as Table 1 has it), and in ``"next"``
+    the observations, ``reward`` and ``terminated`` (the trace reads ``done``); ``set_keys`` renames
+    what is not an observation.
+
+    Returns a TensorDict of ``loss`` (a scalar), ``td_error`` δ, ``chosen_td_error`` δ′ and
+    ``chosen_action_value`` Q(s, a), each ``[runs, *batch, 1]``.
+
+    Args:
+        value_network: Q(s, a) of any kind.
+        gamma: the discount γ, one number or one per run, ``[runs, 1]``.
+    """
+
+    @dataclass
+    class _AcceptedKeys:
+        action: NestedKey = "action"
+        action_value: NestedKey = "action_value"
+        reward: NestedKey = "reward"
+        done: NestedKey = "done"
+        terminated: NestedKey = "terminated"
+        td_error: NestedKey = "td_error"
+        chosen_td_error: NestedKey = "chosen_td_error"
+        chosen_action_value: NestedKey = "chosen_action_value"
+
+    default_keys = _AcceptedKeys
+    value_network: ValueNetwork
+    gamma: Tensor
+
+    def __init__(self, value_network: ValueNetwork, gamma: Tensor | float) -> None:
+        super().__init__()
+        self.value_network = value_network
+        candidates = value_network.candidates
+        self.register_buffer("gamma", run_numbers("gamma", gamma, like=candidates))
+
+    def named_parameters(self, *args: Any, **kwargs: Any) -> Iterator[tuple[str, nn.Parameter]]:
+        # LossModule's takes no ``remove_duplicate``, with which torch.func.functional_call asks.
+        return nn.Module.named_parameters(self, *args, **kwargs)
+
+    def _forward_value_estimator_keys(self, **kwargs: Any) -> None:
+        pass  # the target is one step: there is no value estimator
+
+    @property
+    def in_keys(self) -> list[NestedKey]:
+        keys, observations = self.tensor_keys, self.value_network.in_keys
+        after = [*observations, keys.reward, keys.terminated]
+        return [*observations, keys.action, keys.action_value, *(("next", key) for key in after)]
+
+    @property
+    def out_keys(self) -> list[NestedKey]:
+        keys = self.tensor_keys
+        return ["loss", keys.td_error, keys.chosen_td_error, keys.chosen_action_value]
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+        keys, after = self.tensor_keys, tensordict["next"]
+        values_in = self.value_network.values_in
+        chosen_value = values_in(tensordict, tensordict[keys.action])
+        with torch.no_grad():
+            td_error, chosen_td_error = q_lambda.td_errors(
+                after[keys.reward],
+                after[keys.terminated],
+                tensordict[keys.action_value].amax(-1, keepdim=True),
+                chosen_value,
+                values_in(after).amax(-1, keepdim=True),
+                over_batch(self.gamma, like=chosen_value),
+            )
+        target = chosen_td_error + chosen_value.detach()
+        return TensorDict(
+            {
+                "loss": 0.5 * (target - chosen_value).square().sum(),
+                keys.td_error: td_error,
+                keys.chosen_td_error: chosen_td_error,
+                keys.chosen_action_value: chosen_value,
+            }
+        )

@@ -1,0 +1,124 @@
+"""The TensorDict face of action selection."""
+
+from abc import ABC, abstractmethod
+
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from torch import Tensor
+
+from fnnq_torchrl.agent.values import ValueNetwork
+from fnnq_torchrl.equations import exploration
+from fnnq_torchrl.equations.layout import over_batch, per_run, run_numbers
+from fnnq_torchrl.equations.names import EXPLORATIONS
+
+
+class ExploringPolicy(TensorDictModuleBase, ABC):
+    """Chooses by Q(s, ·) of the candidate actions, each run with its own random numbers.
+
+    Reads the observations that the network names and ``chance``, a uniform random number of each
+    run's own, which every state of a :class:`envs.core.pure.PureEnv` has. Writes ``action_value``
+    ``[runs, *batch, candidates]`` and ``action`` ``[runs, *batch, 1]``. A policy like any other for
+    ``env.rollout`` and TorchRL's collectors.
+
+    Args:
+        value_network: Q(s, a), and the candidates.
+        amount: how much to explore, one number or one per run, ``[runs, 1]``; kept in the buffer
+            that ``amount_name`` names.
+    """
+
+    amount_name: str
+
+    def __init__(self, value_network: ValueNetwork, amount: Tensor | float) -> None:
+        super().__init__()
+        self.in_keys = [*value_network.in_keys, "chance"]
+        self.out_keys = ["action_value", "action"]
+        self.value_network = value_network
+        numbers = run_numbers(self.amount_name, amount, like=value_network.candidates)
+        self.register_buffer(self.amount_name, numbers)
+
+    @abstractmethod
+    def choose(self, action_values: Tensor, amount: Tensor, u: Tensor) -> Tensor:
+        """The actions, ``[runs, *batch]``, from values ``[candidates, runs, *batch]``."""
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        values = self.value_network.values_in(tensordict)
+        u = per_run(tensordict["chance"])
+        amount = over_batch(getattr(self, self.amount_name), like=u).expand_as(u)
+        tensordict["action_value"] = values
+        tensordict["action"] = self.choose(values.movedim(-1, 0), amount, u).unsqueeze(-1)
+        return tensordict
+
+
+class EpsilonGreedyPolicy(ExploringPolicy):
+    """ε-greedy (:func:`fnnq_torchrl.equations.exploration.epsilon_greedy`).
+
+    Args:
+        value_network: Q(s, a), and the candidates.
+        epsilon: ε, one number or one per run, ``[runs, 1]``.
+    """
+
+    amount_name = EXPLORATIONS["epsilon_greedy"]
+
+    def __init__(self, value_network: ValueNetwork, epsilon: Tensor | float) -> None:
+        super().__init__(value_network, epsilon)
+
+    def choose(self, action_values: Tensor, amount: Tensor, u: Tensor) -> Tensor:
+        chosen = exploration.epsilon_greedy(action_values, amount, u)
+        return self.value_network.candidates[chosen]
+
+
+class BoltzmannPolicy(ExploringPolicy):
+    """Boltzmann's distribution (:func:`fnnq_torchrl.equations.exploration.boltzmann`).
+
+    Args:
+        value_network: Q(s, a), and the candidates.
+        temperature: T > 0, one number or one per run, ``[runs, 1]``.
+    """
+
+    amount_name = EXPLORATIONS["boltzmann"]
+
+    def __init__(self, value_network: ValueNetwork, temperature: Tensor | float) -> None:
+        super().__init__(value_network, temperature)
+
+    def choose(self, action_values: Tensor, amount: Tensor, u: Tensor) -> Tensor:
+        chosen = exploration.boltzmann(action_values, amount, u)
+        return self.value_network.candidates[chosen]
+
+
+class NoisyPolicy(ExploringPolicy):
+    """The best candidate plus noise (:func:`fnnq_torchrl.equations.exploration.noisy_greedy`).
+
+    Args:
+        value_network: Q(s, a), and the candidates, rising.
+        noise_std: σ of the noise, one number or one per run, ``[runs, 1]``.
+    """
+
+    amount_name = EXPLORATIONS["noise"]
+
+    def __init__(self, value_network: ValueNetwork, noise_std: Tensor | float) -> None:
+        super().__init__(value_network, noise_std)
+
+    def choose(self, action_values: Tensor, amount: Tensor, u: Tensor) -> Tensor:
+        candidates = self.value_network.candidates
+        return exploration.noisy_greedy(action_values, candidates, amount, u)
+
+
+_POLICIES = {
+    policy.amount_name: policy for policy in (EpsilonGreedyPolicy, BoltzmannPolicy, NoisyPolicy)
+}
+
+
+def make_policy(name: str, value_network: ValueNetwork, amount: Tensor | float) -> ExploringPolicy:
+    """The policy of that name.
+
+    Args:
+        name: ``epsilon_greedy``, ``boltzmann`` or ``noise``.
+        value_network: Q(s, a), and the candidates.
+        amount: how much it explores, one number or one per run, ``[runs, 1]``.
+
+    Raises:
+        ValueError: there is no such policy.
+    """
+    if name not in EXPLORATIONS:
+        raise ValueError(f"exploration={name!r}: must be one of {', '.join(EXPLORATIONS)}")
+    return _POLICIES[EXPLORATIONS[name]](value_network, amount)

@@ -1,0 +1,107 @@
+"""Q(s, a) by tile coding."""
+
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+import torch
+from torch import Tensor, nn
+
+from fnnq_torchrl.config.values import TilesConfig
+from fnnq_torchrl.equations.layout import runs_first, runs_last
+from fnnq_torchrl.equations.membership import defuzzify
+
+from .base import ValueNetwork
+
+Span = Sequence[float]
+
+
+class TilesValue(ValueNetwork):
+    """Tile coding: Q(s, a) is the sum, over the tilings, of the weight of the tile at (s, a).
+
+    A tiling is a grid over all inputs and the action. It has one tile more along each of them than
+    its range is wide, since the tilings are offset by parts of a tile: tiling t by t·(1, 3, 5, …)
+    parts of ``tilings``, modulo a tile. Beyond its range, a number has the tile at the edge.
+
+    Every run has weights of its own, all zero at the start: ``weight`` is ``[runs, tiles of input
+    1, …, action tiles, tilings]``, with the runs last in memory.
+
+    Source: R. S. Sutton, A. G. Barto, "Reinforcement learning", 2nd edition, 2018, section 9.5.4;
+    the offsets are those of W. T. Miller and F. H. Glanz, 1996.
+
+    Args:
+        inputs: for each observation, by its name in the TensorDict, its range (low, high).
+        action: the action's range (low, high).
+        candidates: the actions among which the best is sought, ``[candidates]``; their dtype and
+            device are the network's.
+        tilings: how many there are.
+        tiles: how many of a tiling a range is wide.
+        runs: how many learners this batch holds; a single one serves inputs of any batch size.
+    """
+
+    schema = TilesConfig
+
+    candidate_tiles: Tensor
+    numbers: Tensor
+
+    def __init__(
+        self,
+        inputs: Mapping[str, Span],
+        action: Span,
+        candidates: Tensor,
+        *,
+        tilings: int,
+        tiles: int,
+        runs: int = 1,
+    ) -> None:
+        super().__init__(list(inputs), candidates)
+        self._spans = [*inputs.values(), action]
+        self._tiles = tiles
+        for i in range(len(self._spans)):
+            offset = torch.arange(tilings) * (2 * i + 1) % tilings / tilings
+            self.register_buffer(f"offset_{i}", offset.to(candidates).unsqueeze(-1))
+        self.register_buffer("numbers", torch.arange(tiles + 1).to(candidates))
+        # The candidates never change, and so neither do their tiles.
+        at = self._tiles_at(len(inputs), candidates.unsqueeze(-1))
+        self.register_buffer("candidate_tiles", at, persistent=False)
+        weights = candidates.new_zeros([*[tiles + 1] * len(self._spans), tilings, runs])
+        self.weight = nn.Parameter(runs_first(weights))
+
+    @classmethod
+    def from_config(cls, config: TilesConfig, candidates: Tensor, runs: int) -> Self:
+        return cls(
+            config.inputs,
+            config.action,
+            candidates,
+            tilings=config.tilings,
+            tiles=config.tiles,
+            runs=runs,
+        )
+
+    def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
+        at = [self._tiles_at(i, runs_last(x.squeeze(-1))) for i, x in enumerate(observations)]
+        if action is None:
+            tiles, candidates, *tilings = self.candidate_tiles.shape
+            every_state = (tiles, candidates, *[1] * (at[0].ndim - 3), *tilings)
+            action_at = self.candidate_tiles.view(every_state)
+        else:
+            action_at = self._tiles_at(len(at), runs_last(action.squeeze(-1)).unsqueeze(0))
+        of_each_tiling = defuzzify(runs_last(self.weight), at, action_at)
+        return of_each_tiling.sum(-2).movedim((0, -1), (-1, 0))
+
+    def _tiles_at(self, i: int, x: Tensor) -> Tensor:
+        """Where along dimension i numbers lie.
+
+        Args:
+            i: of the input, or one more for the action.
+            x: ``[..., runs]``.
+
+        Returns:
+            1 for the tile of each tiling that has the number, else 0: ``[tiles + 1, ..., tilings,
+            runs]``.
+        """
+        (low, high), offset = self._spans[i], getattr(self, f"offset_{i}")
+        place = (x.unsqueeze(-2) - low) * (self._tiles / (high - low)) + offset
+        # At the upper end, the last tile that the range reaches into, not the next one.
+        last = (self._tiles + offset).ceil() - 1
+        tile = torch.minimum(place.floor().clamp(min=0), last)
+        return (self.numbers.view(-1, *[1] * tile.ndim) == tile).to(x.dtype)

@@ -1,0 +1,1 @@
+"""The schemas of ``conf/``: types and ranges, without values and without torch."""

@@ -1,0 +1,1 @@
+"""How a step is run many times: eagerly, or as one native loop."""

@@ -1,0 +1,107 @@
+"""What runs the steps: Python, one after the other, or a native loop compiled from them."""
+
+import logging
+import os
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+import torch
+from tensordict import TensorDictBase
+
+from fnnq_torchrl.config.schema import Config, ConfigError
+from fnnq_torchrl.engine.loops import EagerLoop, Loop, MakeLoop, MakeStep
+from fnnq_torchrl.engine.native import (
+    NativeLoop,
+    Unsupported,
+    cache_directory,
+    compiler,
+    compiler_found,
+)
+from fnnq_torchrl.engine.threads import threads_for
+
+_log = logging.getLogger(__name__)
+
+_WORTH_COMPILING = {"cpu": 1_500, "cuda": 8_000}
+"""Steps of a loop from which on compiling pays: at 4 ms an eager step, six and thirty seconds."""
+
+_MEAN_SITUATION = 1 / 2
+"""Of the time limit: about how long a situation takes, between not at all and to the end."""
+
+
+@dataclass(frozen=True)
+class Engine:
+    """How to run steps, and on how many lanes.
+
+    Attributes:
+        name: ``eager`` or ``compiled``.
+        make_loop: makes loops of steps.
+        workers: threads that pay, each with lanes of its own. Eager steps have one: modules whose
+            weights are replaced for a call can't be shared.
+        most_lanes: more than so many at once are slower, since the cache doesn't hold them, or
+            take too much memory.
+    """
+
+    name: str
+    make_loop: MakeLoop
+    workers: int
+    most_lanes: int
+
+    def threads(self, elements: int) -> AbstractContextManager[None]:
+        """Torch's own threads, for operations on so many elements, while this engine runs."""
+        return threads_for(elements if self.name == "eager" else 0)
+
+
+def make_engine(name: str, device: torch.device) -> Engine:
+    """The engine of that name.
+
+    Args:
+        name: ``eager`` or ``compiled``.
+        device: where the tensors are.
+
+    Raises:
+        ConfigError: it compiles, and there is no C++ compiler.
+    """
+    if name == "eager":
+        return Engine(name, EagerLoop, workers=1, most_lanes=2**14)
+    if not compiler_found():
+        raise ConfigError(
+            f"engine=compiled: needs a C++ compiler, and there is no {compiler()}; "
+            "install one, name another in CXX, or take engine=eager"
+        )
+    if device.type == "cuda":
+        return Engine(name, _inductor_loop, workers=1, most_lanes=2**17)
+    return Engine(name, _native_loop, workers=torch.get_num_threads(), most_lanes=2**11)
+
+
+def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+    """Written out as scalars or, if the step is too large or too strange for that, by Inductor."""
+    try:
+        return NativeLoop(make_step, stays, state)
+    except Unsupported as error:
+        why, *_ = str(error).splitlines()
+        _log.info("engine: compiled by TorchInductor, which takes longer: %s", why)
+        return _inductor_loop(make_step, stays, state)
+
+
+def _inductor_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+    # Where later jobs find it: torch's own default is a temporary directory.
+    os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(cache_directory() / "inductor"))
+    from fnnq_torchrl.engine.inductor import InductorLoop  # not before: it takes long to import
+
+    return InductorLoop(make_step, stays, state)
+
+
+def choose(config: Config) -> tuple[str, str]:
+    """The engine for a job, and one line that says which and why.
+
+    ``auto`` compares the work ahead with the time that compiling takes.
+    """
+    if config.engine != "auto":
+        return config.engine, f"engine: {config.engine}, as asked for"
+    if not compiler_found():
+        return "eager", "engine: eager, since there is no C++ compiler that works"
+    steps = int(config.situations * config.env.time_limit_steps * _MEAN_SITUATION)
+    about = f"about {steps:,} steps of {config.num_seeds:,} runs"
+    if steps < _WORTH_COMPILING[config.machine.device.partition(":")[0]]:
+        return "eager", f"engine: eager, since {about} are not worth compiling"
+    return "compiled", f"engine: compiled, since {about} are worth it"

@@ -1,0 +1,94 @@
+"""A step as one graph of tensor operations, and TensorDicts as flat tensors."""
+
+from itertools import accumulate
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torch._decomp import core_aten_decompositions, get_decompositions
+from torch.fx import GraphModule
+from torch.fx.experimental.proxy_tensor import make_fx
+
+from fnnq_torchrl.engine.loops import Step
+from fnnq_torchrl.equations.layout import runs_first, runs_last
+
+_COMPOSITE = "_log_softmax _softmax addmm elu gelu hardtanh leaky_relu native_layer_norm softplus"
+
+
+def trace(step: Step, stays: TensorDictBase, state: TensorDictBase) -> GraphModule:
+    """The step as a graph from and to leaves, gradients included.
+
+    TensorDicts and modules are gone from it. The step's Python runs once; where it would look at
+    data, it is refused.
+
+    Returns:
+        Takes the leaves of what stays, then those of the state; returns the state's next ones.
+
+    Raises:
+        RuntimeError: the step's Python looks at data.
+        ValueError: the step's result has other entries than its state, or of another kind.
+    """
+    fixed, carried = leaves(stays), leaves(state)
+
+    def flat(*values: Tensor) -> list[Tensor]:
+        before = (
+            nested(dict(zip(fixed, values, strict=False)), stays),
+            nested(dict(zip(carried, values[len(fixed) :], strict=True)), state),
+        )
+        after = leaves(step(*before))
+        _check_alike(carried, after)
+        return [after[key] for key in carried]
+
+    composite = [getattr(torch.ops.aten, name) for name in _COMPOSITE.split()]
+    decompositions: dict[Any, Any] = {**core_aten_decompositions()}
+    decompositions |= get_decompositions(composite)
+    decompositions[torch.ops.aten.cumsum.default] = _cumsum
+    graph = make_fx(
+        flat,
+        decomposition_table=decompositions,
+        tracing_mode="fake",
+        _allow_non_fake_inputs=True,
+    )
+    with torch.no_grad():
+        return graph(*fixed.values(), *carried.values())
+
+
+def _check_alike(before: dict[str, Tensor], after: dict[str, Tensor]) -> None:
+    if before.keys() != after.keys():
+        raise ValueError(f"a step from {[*before]} to {[*after]}: must have the same entries")
+    for key, old in before.items():
+        new = after[key]
+        if (old.shape, old.dtype) != (new.shape, new.dtype):
+            raise ValueError(
+                f"{key}: a step from {old.dtype} {list(old.shape)} to {new.dtype} "
+                f"{list(new.shape)}, with the runs last: must be alike"
+            )
+    over = before.get("over")
+    if over is not None and (over.dtype is not torch.bool or over.shape[:-1] != (1,)):
+        raise ValueError(f"over: {over.dtype} {list(over.shape)}: must be bool [lanes, 1]")
+
+
+def _cumsum(tensor: Tensor, dim: int, *, dtype: torch.dtype | None = None) -> Tensor:
+    """Additions, which are fused with what is around them."""
+    whole = not (tensor.is_floating_point() or tensor.is_complex())
+    dtype = dtype or (torch.int64 if whole else tensor.dtype)
+    return torch.stack([*accumulate(tensor.to(dtype).unbind(dim))], dim)
+
+
+def leaves(tree: TensorDictBase) -> dict[str, Tensor]:
+    """Copies of a TensorDict's tensors by their paths, in order, the runs last in memory too.
+
+    Copies, because what a loop carries may share memory with nothing, from one step to the next.
+    """
+    flat = tree.flatten_keys("/")
+    return {
+        key: runs_last(flat[key]).clone(memory_format=torch.contiguous_format)
+        for key in sorted(flat.keys())
+    }
+
+
+def nested(leaves: dict[str, Tensor], like: TensorDictBase) -> TensorDict:
+    """Leaves as a TensorDict with the runs first, of the batch size and device of another."""
+    first = {key: runs_first(leaf) for key, leaf in leaves.items()}
+    return TensorDict(first, like.batch_size, device=like.device).unflatten_keys("/")

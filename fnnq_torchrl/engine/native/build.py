@@ -1,0 +1,147 @@
+"""From a program's text to a function that can be called."""
+
+import ctypes
+import functools
+import hashlib
+import logging
+import os
+import platform
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fnnq_torchrl.config.schema import ConfigError
+from fnnq_torchrl.files.atomic import atomic_write
+
+_log = logging.getLogger(__name__)
+
+_FLAGS = (
+    "-std=c++17 -O1 -ftree-vectorize -fopenmp-simd -shared -fPIC -w "
+    # Each operation is rounded once, as in torch, whatever stands beside it.
+    "-ffp-contract=off -fwrapv -fno-math-errno -fno-trapping-math "
+)
+_FLAGS += (
+    "-march=native -mprefer-vector-width=256"
+    if platform.machine() in ("x86_64", "AMD64")
+    else "-mcpu=native"
+)
+
+
+def compiler() -> str:
+    """The C++ compiler that CXX names, options of its own included, or the system's."""
+    return os.environ.get("CXX") or ("clang++" if sys.platform == "darwin" else "g++")
+
+
+def compiler_found() -> bool:
+    """Whether that compiler is there, and works as far as that can be told in no time."""
+    if shutil.which(shlex.split(compiler())[0]) is None:
+        return False
+    try:
+        _target(compiler())
+    except ConfigError:
+        return False
+    return True
+
+
+def cache_directory() -> Path:
+    """Where programs are kept, for later jobs to find them.
+
+    If nothing can be kept there, a directory of this process alone.
+    """
+    home = os.environ.get("XDG_CACHE_HOME", "")
+    return _writable(home if Path(home).is_absolute() else "~/.cache")
+
+
+@functools.cache
+def _writable(home: str) -> Path:
+    try:
+        directory = Path(home).expanduser() / "fnnq_torchrl"
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            return directory
+    except (OSError, RuntimeError) as error:  # without a home there is no ~
+        _log.info(
+            "compiled programs are not kept: %s; XDG_CACHE_HOME says where they can be", error
+        )
+        return Path(_for_this_process().name)
+
+
+@functools.cache
+def _for_this_process() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="fnnq_torchrl_")
+
+
+def build(text: str) -> Callable[..., Any]:
+    """The function ``run`` of a C++ program.
+
+    While it runs, other threads of Python's go on.
+
+    Raises:
+        ConfigError: there is no compiler, or it fails, or what it makes can't be loaded.
+        OSError: the disk is full.
+    """
+    digest = hashlib.sha256(f"{_target(compiler())}\n{_FLAGS}\n{text}".encode()).hexdigest()
+    library = cache_directory() / "native" / f"{digest[:32]}.so"
+    if not library.exists():
+        _make(library, text)
+    try:
+        run = ctypes.CDLL(str(library)).run
+    except (OSError, AttributeError):  # damaged, or of another machine
+        _make(library, text)
+        try:
+            run = ctypes.CDLL(str(library)).run
+        except OSError as error:
+            raise ConfigError(f"engine=compiled: {error}; engine=eager loads nothing") from error
+    run.argtypes = [ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p]
+    run.restype = None
+    return run
+
+
+def _make(library: Path, text: str) -> None:
+    library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # Other jobs may be at the same program: each writes a file of its own, one of them stays.
+    with atomic_write(library) as file:
+        _compile(compiler(), ["-x", "c++", *_FLAGS.split(), "-", "-o", file.name], text)
+
+
+@functools.cache
+def _target(compiler: str) -> str:
+    """What the compiler is and what it compiles for: a cache may be shared by several machines."""
+    return _compile(compiler, [*_FLAGS.split(), "-dM", "-E", "-x", "c++", os.devnull], "")
+
+
+def _compile(compiler: str, arguments: list[str], text: str) -> str:
+    command = [*shlex.split(compiler), *arguments]
+    english = os.environ | {"LC_ALL": "C"}
+    try:
+        done = subprocess.run(
+            command,
+            input=text,
+            text=True,
+            capture_output=True,
+            check=True,
+            env=english,
+            start_new_session=True,  # Ctrl-C is for us, who may want to save first
+        )
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise ConfigError(
+            f"engine=compiled: the C++ compiler {compiler} doesn't work; engine=eager takes none. "
+            f"It says: {_complaint(error)}"
+        ) from error
+    return done.stdout
+
+
+def _complaint(error: OSError | subprocess.CalledProcessError) -> str:
+    """In one line."""
+    if isinstance(error, OSError):
+        return str(error)
+    if error.returncode < 0:
+        return f"nothing, it was ended by {signal.Signals(-error.returncode).name}"
+    lines = error.stderr.splitlines() or [f"nothing, with exit status {error.returncode}"]
+    return next((line for line in lines if "error" in line), lines[-1])

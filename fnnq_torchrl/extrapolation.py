@@ -1,0 +1,8 @@
+"""Writes what becomes of Q where nothing was seen: ``python -m fnnq_torchrl.extrapolation``."""
+
+from fnnq_torchrl.studies.extrapolation.command import main
+
+__all__ = ["main"]
+
+if __name__ == "__main__":
+    main()

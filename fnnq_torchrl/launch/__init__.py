@@ -1,0 +1,1 @@
+"""The command line and sweeps. Only this room imports Hydra."""

@@ -1,0 +1,131 @@
+"""Batches as tasks of a cluster, through submitit."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from fnnq_torchrl.config.launcher import LauncherConfig
+from fnnq_torchrl.config.schema import ConfigError
+from fnnq_torchrl.training.jobs import Job, JobFailed, Result, RunBatches
+from fnnq_torchrl.training.results import read_summary
+from fnnq_torchrl.training.resume.interruptions import Interruptions
+from fnnq_torchrl.training.terminal import announce
+
+_SAVE_S = 60.0
+"""The longest that saving may take before a task is put back into the queue."""
+
+_MOST_TIMEOUTS = 100
+"""How often a task that comes to its time limit is put back into the queue, to go on."""
+
+
+class BatchTask:
+    """What a task of the cluster runs, and runs once more when submitit requeues it.
+
+    Args:
+        run_batches: trains.
+        pictures: see there.
+    """
+
+    def __init__(self, run_batches: RunBatches, pictures: bool) -> None:
+        self._run_batches, self._pictures = run_batches, pictures
+
+    def __call__(self, batch: Sequence[Job]) -> list[Result]:
+        """Train the jobs that have no result yet: none of them, if nothing was interrupted.
+
+        Raises:
+            submitit.core.utils.UncompletedJobError: the task came to its time limit too often.
+        """
+        from submitit.core.utils import UncompletedJobError
+
+        found = {job.directory: _finished(job) for job in batch}
+        missing = [job for job in batch if found[job.directory] is None]
+        results: dict[Path, Result] = {
+            directory: objective for directory, objective in found.items() if objective is not None
+        }
+        for new in self._run_batches([missing] if missing else [], pictures=self._pictures):
+            for result in new:
+                if isinstance(result, UncompletedJobError):  # the task's, not the job's
+                    raise result
+            results |= zip((job.directory for job in missing), new, strict=True)
+        return [results[job.directory] for job in batch]
+
+    def checkpoint(self, batch: Sequence[Job]) -> Any:
+        """The same again; what is done by now is in the jobs' directories."""
+        from submitit.helpers import DelayedSubmission
+
+        if (work := Interruptions.current) is not None:
+            work.save_now(_SAVE_S)
+        return DelayedSubmission(self, batch)
+
+
+def run_on_cluster(
+    run_batches: RunBatches,
+    batches: Sequence[Sequence[Job]],
+    settings: LauncherConfig,
+    folder: Path,
+    *,
+    pictures: bool,
+) -> Iterator[Sequence[Result]]:
+    """Each batch as one task of an array, all at once.
+
+    Args:
+        run_batches: trains; must be picklable, by cloudpickle.
+        batches: of jobs whose directories the tasks' machines see too.
+        settings: where, and what each task is given.
+        folder: for what submitit keeps of the tasks, the output of each among it.
+        pictures: as for ``run_batches``.
+
+    Yields:
+        The results of each batch, in their order. Of a task that ends badly, those of the jobs
+        that it finished, and a `JobFailed` for the others.
+
+    Raises:
+        ConfigError: submitit or the cluster isn't there.
+    """
+    asked = f"hydra.launcher.cluster={settings.cluster}"
+    try:
+        import submitit
+    except ImportError as error:
+        raise ConfigError(
+            f"{asked}: needs submitit; pip install 'fnnq_torchrl[cluster]'"
+        ) from error
+    try:
+        executor = submitit.AutoExecutor(
+            folder,
+            cluster=settings.cluster,
+            slurm_max_num_timeout=_MOST_TIMEOUTS,
+            local_max_num_timeout=_MOST_TIMEOUTS,
+        )
+    except RuntimeError as error:
+        raise ConfigError(f"{asked}: {error}") from error
+    executor.update_parameters(
+        name="fnnq",
+        timeout_min=settings.time_min,
+        mem_gb=settings.memory_gb,
+        cpus_per_task=settings.cpus,
+        gpus_per_node=settings.gpus,
+        **({"slurm_partition": settings.partition} if settings.partition else {}),
+    )
+    tasks = executor.map_array(BatchTask(run_batches, pictures), batches)
+    names = ", ".join(task.job_id for task in tasks[:3]) + (", …" if len(tasks) > 3 else "")
+    announce(f"{len(tasks):,} tasks on {settings.cluster}: {names}; their output is in {folder}")
+    try:
+        for task, batch in zip(tasks, batches, strict=True):
+            try:
+                results = task.result()
+            except (submitit.core.utils.FailedJobError, submitit.core.utils.UncompletedJobError):
+                why = JobFailed(f"task {task.job_id} ended badly: {task.paths.stderr}")
+                results = [why if (found := _finished(job)) is None else found for job in batch]
+            yield results
+    except KeyboardInterrupt:
+        for task in tasks:
+            task.cancel()
+        raise
+
+
+def _finished(job: Job) -> float | None:
+    """The objective, if the job's directory has it."""
+    try:
+        return read_summary(job.directory / "summary.json")["mean_score"]
+    except (FileNotFoundError, ValueError):  # none, or a damaged one
+        return None

@@ -1,0 +1,182 @@
+"""The whole of a sweep: its own evaluations.csv, summary.csv and learning_curves.png.
+
+Made from the result files of its jobs alone.
+"""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fnnq_torchrl.files.atomic import atomic_write, clear_leftovers
+from fnnq_torchrl.training.pictures import Curve, sweep_curves
+from fnnq_torchrl.training.results import (
+    EVALUATION_COLUMNS,
+    Evaluations,
+    Summary,
+    read_evaluations,
+    read_summary,
+)
+from fnnq_torchrl.training.terminal import print_sweep
+
+_SYMBOLS = {
+    "lam": "λ",
+    "alpha": "α",
+    "alpha_decay": "α decay",
+    "kappa": "κ",
+    "gamma": "γ",
+    "epsilon": "ε",
+    "noise_std": "σ",
+}
+_WHICH_RUNS = ("seed", "num_seeds")
+"""Keys that say which runs a configuration has, not what they are."""
+
+
+@dataclass(frozen=True)
+class SweptResult:
+    """A job of a sweep, finished or not.
+
+    Attributes:
+        number: of the job.
+        overrides: what the sweep said of it, by key.
+        directory: with the result files.
+        best: the highest possible score.
+    """
+
+    number: int
+    overrides: Mapping[str, str]
+    directory: Path
+    best: int
+
+
+def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
+    """Write a sweep's own files into its directory, and its table on the screen.
+
+    A job without a summary has not finished: it has a row in summary.csv that is empty but for its
+    keys, and is nowhere else.
+
+    Raises:
+        OSError: a file can't be read or written.
+        ValueError: a result file is damaged; the message names it.
+    """
+    clear_leftovers(directory)
+    keys = swept_keys(jobs)
+    finished = {
+        job.number: read_summary(path)
+        for job in jobs
+        if (path := job.directory / "summary.json").exists()
+    }
+    _write_summaries(directory / "summary.csv", jobs, keys, finished)
+    done = [job for job in jobs if job.number in finished]
+    if not done:
+        return
+    _write_evaluations(directory / "evaluations.csv", done, keys)
+    keys = [key for key in keys if key not in _WHICH_RUNS]
+    curves = _curves(done, keys)
+    of = f"values of {_symbol(keys[0])}" if len(keys) == 1 else "configurations"
+    picture = directory / "learning_curves.png"
+    sweep_curves(curves, of, picture, best=max(job.best for job in done))
+    print_sweep([(curve.label, curve.mean_score) for curve in curves], picture)
+
+
+def swept_keys(jobs: Sequence[SweptResult]) -> list[str]:
+    """The keys in which the jobs differ, in the order in which they were given."""
+    keys = dict.fromkeys(key for job in jobs for key in job.overrides)
+    return [key for key in keys if len({job.overrides.get(key) for job in jobs}) > 1]
+
+
+def _write_summaries(
+    path: Path,
+    jobs: Sequence[SweptResult],
+    keys: Sequence[str],
+    finished: Mapping[int, Summary],
+) -> None:
+    rows = [
+        {"job": job.number}
+        | {key: job.overrides.get(key, "") for key in keys}
+        | (_columns(finished[job.number]) if job.number in finished else {})
+        for job in jobs
+    ]
+    columns = dict.fromkeys(column for row in rows for column in row)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    with atomic_write(path) as file:
+        file.write(text.getvalue().encode())
+
+
+def _columns(summary: Summary) -> dict[str, object]:
+    """A job's summary in columns, two for an interval."""
+    columns: dict[str, object] = {}
+    for key, value in summary.items():
+        if key.endswith("_interval"):
+            low, high = value if isinstance(value, list) else ("", "")
+            name = key.removesuffix("_interval")
+            columns |= {f"{name}_low": low, f"{name}_high": high}
+        else:
+            # A job has one λ: its runs differ in their seeds alone.
+            columns[key] = value[0] if isinstance(value, list) else value
+    return columns
+
+
+def _write_evaluations(path: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> None:
+    """All jobs' rows, each with the job's number and its values of the swept keys behind it."""
+    further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # those a row has
+    names = [f"config.{key}" if key in EVALUATION_COLUMNS else key for key in further]
+    with atomic_write(path) as file:
+        file.write(_row([*EVALUATION_COLUMNS, *names]).encode())
+        for job in jobs:
+            values = {**job.overrides, "job": job.number}
+            behind = "," + _row([values.get(key, "") for key in further])
+            with open(job.directory / "evaluations.csv", encoding="utf-8") as rows:
+                next(rows)  # its header
+                file.write("".join(row.rstrip("\n") + behind for row in rows).encode())
+
+
+def _row(values: Sequence[object]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(values)
+    return text.getvalue()
+
+
+def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
+    """A curve for each configuration, over all its runs, in the order of the first of its jobs.
+
+    Args:
+        jobs: finished.
+        keys: whose values tell a configuration from another.
+    """
+    groups: dict[tuple[str | None, ...], list[Evaluations]] = {}
+    for job in jobs:
+        kind = tuple(job.overrides.get(key) for key in keys)
+        groups.setdefault(kind, []).append(read_evaluations(job.directory / "evaluations.csv"))
+    return [
+        Curve(
+            name=", ".join(
+                f"{_symbol(key)} = {_short(value)}"
+                for key, value in zip(keys, kind, strict=True)
+                if value is not None
+            )
+            or f"{_symbol('lam')} = {group[0].lam[0]:g}",
+            situations=group[0].situations,
+            catches=np.concatenate([evaluations.catches for evaluations in group]),
+            diverged=sum(evaluations.diverged_runs for evaluations in group),
+        )
+        for kind, group in groups.items()
+    ]
+
+
+def _symbol(key: str) -> str:
+    return _SYMBOLS.get(key, key)
+
+
+def _short(value: str) -> str:
+    """A number to four digits, anything else as it is."""
+    try:
+        return f"{float(value):.4g}"
+    except ValueError:
+        return value

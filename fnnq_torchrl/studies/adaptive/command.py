@@ -1,0 +1,27 @@
+"""Writes what adaptive step sizes do: ``python -m fnnq_torchrl.adaptive``."""
+
+import sys
+
+from fnnq_torchrl.files.atomic import atomic_write
+from fnnq_torchrl.launch.arguments import page_parser
+from fnnq_torchrl.studies.experiments import newest_experiment
+from fnnq_torchrl.studies.figures.gallery import draw
+from fnnq_torchrl.training.terminal import announce
+
+from .page import write_page
+
+
+def main() -> None:
+    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    arguments = page_parser("python -m fnnq_torchrl.adaptive", __doc__).parse_args()
+    try:
+        names = ("adaptive", "stability")
+        experiments = {name: newest_experiment(arguments.results, name) for name in names}
+        text = write_page(**experiments)
+        draw(experiments, arguments.to / "figures")
+        page = arguments.to / "adaptive.md"
+        with atomic_write(page) as file:
+            file.write(text.encode())
+    except (OSError, ValueError) as error:
+        sys.exit(str(error))
+    announce(str(page))

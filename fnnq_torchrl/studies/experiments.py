@@ -1,0 +1,168 @@
+"""The result files of an experiment: a directory with one subdirectory for each of its jobs."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+
+from fnnq_torchrl.config.schema import Config, ConfigError, flat, to_config
+from fnnq_torchrl.training.results import Evaluations, read_evaluations
+
+HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s", "checkpoint.snapshots")
+"""Keys that don't change what is computed."""
+
+
+class NoResults(ValueError):
+    """There is no result file for what is asked; the text is one line that says what is missing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A job: its configuration by its keys with their groups, and what it has left.
+
+    Attributes:
+        settings: what has a say in the results, by keys such as ``env.speed_mps``.
+        evaluations: all of them.
+        config: the whole configuration.
+        directory: where the job's files are.
+    """
+
+    settings: dict[str, Any]
+    evaluations: Evaluations
+    config: Config
+    directory: Path
+
+    @property
+    def best(self) -> int:
+        """The highest score there is."""
+        return len(self.settings["evaluation.situations"])
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """All jobs of an experiment.
+
+    Args:
+        name: as in ``+experiment=name``.
+        jobs: in the order in which they were launched, at least one.
+    """
+
+    name: str
+    jobs: list[Job]
+
+    @cached_property
+    def varied(self) -> list[str]:
+        """The keys in which jobs differ, in the configuration's order."""
+        first = self.jobs[0].settings
+        return [
+            key
+            for key in first
+            if key not in HOW_IT_RUNS
+            and any(job.settings.get(key) != first[key] for job in self.jobs)
+        ]
+
+    @property
+    def runs(self) -> int:
+        """Of each job; the fewest, should they differ."""
+        return min(job.evaluations.runs for job in self.jobs)
+
+    def job(self, **settings: Any) -> Job:
+        """The job with these settings.
+
+        Raises:
+            NoResults: there is none, or there are several.
+        """
+        return self.job_with(settings)
+
+    def job_with(self, settings: Mapping[str, Any]) -> Job:
+        """As :meth:`job`, for keys with groups."""
+        found = [
+            job
+            for job in self.jobs
+            if all(job.settings.get(key) == value for key, value in settings.items())
+        ]
+        if len(found) != 1:
+            words = " ".join(f"{key}={value}" for key, value in settings.items())
+            raise NoResults(f"{self.name} has {len(found)} jobs with {words}, not one")
+        return found[0]
+
+    def where(self, key: str, value: Any) -> "Experiment":
+        """The same with only the jobs that have this value.
+
+        Raises:
+            NoResults: there is none.
+        """
+        jobs = [job for job in self.jobs if job.settings.get(key) == value]
+        if not jobs:
+            raise NoResults(f"{self.name} has no jobs with {key}={value}")
+        return Experiment(self.name, jobs)
+
+    def values(self, key: str) -> list[Any]:
+        """The different values of a key, in the order of the jobs."""
+        return list(dict.fromkeys(job.settings[key] for job in self.jobs))
+
+
+def read_experiment(directory: Path, name: str) -> Experiment:
+    """All jobs below a directory: its subdirectories with numbers for names.
+
+    Raises:
+        NoResults: there is no job, or one hasn't finished.
+        OSError: a file can't be read.
+        ValueError: a file is damaged.
+    """
+    numbered = [path for path in directory.iterdir() if path.name.isdecimal()]
+    jobs = sorted(numbered, key=lambda path: int(path.name))
+    if not jobs:
+        raise NoResults(f"{directory} has no jobs")
+    if unfinished := [path.name for path in jobs if not _finished(path)]:
+        raise NoResults(f"{directory}: job {unfinished[0]} hasn't finished")
+    return Experiment(name, [_read_job(path) for path in jobs])
+
+
+def newest_experiment(root: Path, name: str) -> Experiment:
+    """The last finished of an experiment's sweeps, ``root/name/<time>``.
+
+    Raises:
+        NoResults: there is none.
+        OSError, ValueError: as in :func:`read_experiment`.
+    """
+    for sweep in sorted((root / name).glob("*/"), key=_started, reverse=True):
+        jobs = [path for path in sweep.iterdir() if path.name.isdecimal()]
+        if jobs and all(map(_finished, jobs)):
+            return read_experiment(sweep, name)
+    command = f"python -m fnnq_torchrl.train +experiment={name}"
+    raise NoResults(f"{root / name} has no finished results: {command}")
+
+
+def _started(sweep: Path) -> tuple[str, int]:
+    """The time that a sweep's directory is named after, and the number of those that share it."""
+    time, _, number = sweep.name.partition("_")
+    clock, _, number = number.partition("_")
+    return f"{time}_{clock}", int(number) if number.isdecimal() else 1
+
+
+def _finished(job: Path) -> bool:
+    """A job writes this file last."""
+    return (job / "summary.json").is_file()
+
+
+def _read_job(directory: Path) -> Job:
+    path = directory / ".hydra" / "config.yaml"
+    data = path.read_bytes()
+    try:
+        node = OmegaConf.create(data.decode())
+    except Exception as error:  # nearly any, of what isn't YAML
+        raise ValueError(f"{path} is not a configuration") from error
+    if not isinstance(node, DictConfig):
+        raise ValueError(f"{path} is not a configuration")
+    try:
+        config = to_config(node)
+    except ConfigError as error:
+        raise ValueError(f"{path}: {error}") from error
+    settings = asdict(config)
+    del settings["logger"]  # which has other keys for each choice, and no say in the results
+    evaluations = read_evaluations(directory / "evaluations.csv")
+    return Job(flat(settings), evaluations, config, directory)

@@ -1,0 +1,68 @@
+"""Writes what becomes of Q where nothing was seen: ``python -m fnnq_torchrl.extrapolation``."""
+
+import sys
+from pathlib import Path
+
+from fnnq_torchrl.files.atomic import atomic_write
+from fnnq_torchrl.launch.arguments import page_parser
+from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
+from fnnq_torchrl.training.pictures.style import save
+from fnnq_torchrl.training.terminal import announce
+
+from .findings import Findings
+from .forgetting import FirstSide
+from .learners import Learner
+from .page import write_page
+from .pictures import FIGURES
+
+
+def main() -> None:
+    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    arguments = page_parser("python -m fnnq_torchrl.extrapolation", __doc__).parse_args()
+    try:
+        sweep = newest_experiment(arguments.results, "value_functions")
+        experiment = newest_experiment(arguments.results, "extrapolation")
+        findings, constant = measure(experiment)
+        write(findings, write_page(findings, constant, sweep), arguments.to)
+    except (OSError, ValueError) as error:
+        sys.exit(str(error))
+    announce(str(arguments.to / "extrapolation.md"))
+
+
+def measure(experiment: Experiment) -> tuple[list[Findings], list[FirstSide]]:
+    """All there is to say of each value function, and of its first side where α isn't decreased.
+
+    Raises:
+        NoResults: a value function lacks one of the two, or those that the paper's claim is about
+            aren't there, or see `Findings.of`.
+        OSError, ValueError: a file can't be read.
+    """
+    learners = [Learner.of(job) for job in experiment.jobs]
+    constant = [each for each in learners if each.config.alpha_decay == 1]
+    decaying = [each for each in learners if each.config.alpha_decay < 1]
+    kinds = sorted(each.kind for each in decaying)
+    if kinds != sorted({each.kind for each in constant} | {"fnnq", "mlp"}):
+        raise NoResults(
+            f"{experiment.name} must have fnnq, mlp and any others with alpha_decay=1 and with less"
+        )
+    findings = []
+    for learner in decaying:
+        findings.append(Findings.of(learner))
+        announce(f"measured {learner.kind}")
+    return findings, [FirstSide.of(learner) for learner in constant]
+
+
+def write(findings: list[Findings], page: str, to: Path) -> None:
+    """Write the page and its figures, as PNG and SVG.
+
+    Raises:
+        OSError: a file can't be written.
+    """
+    pictures = to / "figures"
+    pictures.mkdir(parents=True, exist_ok=True)
+    for name, draw in FIGURES.items():
+        figure = draw({each.kind: each for each in findings})
+        for suffix in (".png", ".svg"):
+            save(figure, (pictures / name).with_suffix(suffix))
+    with atomic_write(to / "extrapolation.md") as file:
+        file.write(page.encode())

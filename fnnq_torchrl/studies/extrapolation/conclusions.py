@@ -1,0 +1,112 @@
+"""What the intervals say, in sentences."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fnnq_torchrl.studies.reproduction.markdown import interval_words
+from fnnq_torchrl.studies.reproduction.verdicts import Verdict
+from fnnq_torchrl.studies.statistics import Interval, bootstrap_interval, paired_difference
+
+from .findings import Findings
+from .forgetting import FirstSide
+from .playing import TESTS
+
+MOVES = 0.1
+"""Q that has moved by less than this, per unit of the seen side, has stayed where it was. Ours."""
+
+CATCHES = 0.5
+"""A difference of fewer catches than this, of all tests of a side, is as good as none. Ours."""
+
+
+def above(interval: Interval, bound: float) -> Verdict:
+    """Whether something is more than a bound: the whole of its interval, none of it, or neither."""
+    if interval.low > bound:
+        return Verdict.HOLDS
+    return Verdict.FAILS if interval.high <= bound else Verdict.OPEN
+
+
+def moved(findings: Findings) -> Interval:
+    """Movement on the unseen side, per unit of the seen one."""
+    return bootstrap_interval(np.mean, findings.moved_in(findings.where.unseen))
+
+
+def movement_words(interval: Interval) -> str:
+    """What became of Q where nothing was seen."""
+    if interval.high < MOVES:
+        return "stayed where it was"
+    if interval.low >= 1:
+        return "moved farther than where it learned"
+    if interval.low >= 0.5:
+        return "moved more than half as far as where it learned"
+    if interval.low >= MOVES and interval.high < 0.5:
+        return "moved, but less than half as far as where it learned"
+    return "may have moved or not" if interval.low < MOVES else "moved, by how much can't be told"
+
+
+def difference_words(interval: Interval, more: str, less: str) -> str:
+    """What a difference in catches comes to."""
+    if interval.low >= CATCHES:
+        return more
+    if interval.high <= -CATCHES:
+        return less
+    if interval.low > -CATCHES and interval.high < CATCHES:
+        return "makes no difference that matters"
+    return "may make a difference or not"
+
+
+def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
+    """The paper's two claims, which of both moves more, and what it is good for; one line each."""
+    local, other = by_kind["fnnq"], by_kind["mlp"]
+    of_local, of_other = moved(local), moved(other)
+    stays = {Verdict.HOLDS: Verdict.FAILS, Verdict.FAILS: Verdict.HOLDS}
+    local_verdict = stays.get(above(of_local, MOVES), Verdict.OPEN)
+    more = paired_difference(*_pairs(other, local)).mean
+    order = {
+        Verdict.HOLDS: "the MLP moves farther",
+        Verdict.FAILS: "the fuzzy network moves farther",
+        Verdict.OPEN: "which moves farther can't be told",
+    }[above(more, 0)]
+    lines = [
+        f"«The fuzzy network doesn't extrapolate»: **{local_verdict.value}**. Where it had seen "
+        f"nothing its Q {movement_words(of_local)}: {interval_words(of_local)}.",
+        f"«The MLP does»: **{above(of_other, MOVES).value}**. Its Q {movement_words(of_other)}: "
+        f"{interval_words(of_other)}.",
+        f"Of the two, {order}: MLP − fuzzy network {interval_words(more, signed=True)} per unit of "
+        "the seen side, by pairs of seeds.",
+    ]
+    for kind, findings in by_kind.items():
+        helped = bootstrap_interval(np.mean, findings.helped)
+        kept = bootstrap_interval(np.mean, findings.first_side.kept)
+        lines.append(
+            f"`{kind}`: its Q {movement_words(moved(findings))}. For catching on the unseen side, "
+            f"its Q there {difference_words(helped, 'helps', 'hurts')} "
+            f"({interval_words(helped, signed=True)} catches of {TESTS}, against random actions "
+            "where nothing was seen); for catching on the first, learning on the second "
+            f"{difference_words(kept, 'helps', 'hurts: it forgets')} "
+            f"({interval_words(kept, signed=True)})."
+        )
+    return lines
+
+
+def forgetting_conclusion(constant: Sequence[FirstSide]) -> str:
+    """What the other side does to the first where α isn't decreased; one line."""
+    told = []
+    for each in constant:
+        interval = bootstrap_interval(np.mean, each.kept)
+        said = difference_words(interval, "helps", "hurts: it forgets")
+        told.append(f"of `{each.kind}` it {said} ({interval_words(interval, signed=True)})")
+    return (
+        "With an α that isn't decreased, for catching on the first side, learning on the second: "
+        f"{'; '.join(told)}."
+    )
+
+
+def _pairs(one: Findings, other: Findings) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Movement on the unseen side of both, of the seeds that diverged in neither."""
+    seeds, others = (findings.sound.snapshots.seed.numpy() for findings in (one, other))
+    return (
+        one.moved_in(one.where.unseen)[np.isin(seeds, others)],
+        other.moved_in(other.where.unseen)[np.isin(others, seeds)],
+    )

@@ -1,0 +1,64 @@
+"""Each value function's best step size, from a sweep on the ordinary task."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fnnq_torchrl.studies.experiments import Experiment, NoResults
+from fnnq_torchrl.studies.reproduction.markdown import interval_words
+from fnnq_torchrl.studies.statistics import Interval, bootstrap_interval, choose_by_half
+
+
+@dataclass(frozen=True)
+class BestStep:
+    """Of a value function.
+
+    Attributes:
+        alpha: the α of the highest mean score of half of the seeds.
+        score: the mean score with it, in catches, and its interval, of the other half of the seeds.
+        among: all that were tried, rising.
+    """
+
+    alpha: float
+    score: Interval
+    among: list[float]
+
+    @property
+    def inside(self) -> bool:
+        """Whether it is neither the smallest nor the largest that was tried."""
+        return self.among[0] < self.alpha < self.among[-1]
+
+
+def best_steps(sweep: Experiment) -> dict[str, BestStep]:
+    """The best step size of every value function in a sweep over both, by its kind.
+
+    Raises:
+        ValueError: there are too few seeds to choose by half of them (`choose_by_half`).
+    """
+    found = {}
+    for kind in sweep.values("value.kind"):
+        jobs = [job for job in sweep.jobs if job.settings["value.kind"] == kind]
+        alphas = [job.settings["alpha"] for job in jobs]
+        best = choose_by_half([job.evaluations.mean_score[: sweep.runs] for job in jobs])
+        score = bootstrap_interval(np.mean, best.judged)
+        found[kind] = BestStep(alphas[best.choice], score, sorted(alphas))
+    return found
+
+
+def step_words(found: dict[str, BestStep], kind: str, alpha: float) -> list[str]:
+    """A row on a value function's step size: the one taken, the best, its score, and a remark.
+
+    Raises:
+        NoResults: the sweep hasn't this value function.
+    """
+    if kind not in found:
+        raise NoResults(f"the sweep value_functions has no {kind}")
+    best = found[kind]
+    remarks = []
+    if best.alpha != alpha:
+        remarks.append("not the best of the sweep")
+    if not best.inside:
+        remarks.append("the best is at the sweep's edge")
+    tried = f"{best.among[0]:g} to {best.among[-1]:g}"
+    score = interval_words(best.score)
+    return [f"`{kind}`", f"{alpha:g}", f"{best.alpha:g}", tried, score, "; ".join(remarks)]

@@ -1,0 +1,1 @@
+"""The figures of experiments, drawn from their result files."""

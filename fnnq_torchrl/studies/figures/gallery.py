@@ -1,0 +1,74 @@
+"""The figures that there are, and the files that they become."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from fnnq_torchrl.studies.experiments import Experiment
+from fnnq_torchrl.studies.figures.curves import experiment_curves_figure
+from fnnq_torchrl.studies.figures.job_words import change_words
+from fnnq_torchrl.training.pictures.style import save
+
+from .dots import dots_figure
+from .lines import lines_figure
+from .readings import readings_figure
+
+Draw = Callable[[Experiment], Figure]
+
+FIGURES: dict[str, tuple[str, Draw]] = {
+    "fig2": ("fig2", lambda results: experiment_curves_figure(results, "lam")),
+    "fig3": ("fig3", lambda results: experiment_curves_figure(results, "lam")),
+    "traces": (
+        "traces",
+        lambda results: lines_figure(results, "lam", "trace", ["mean_score", "final_score"]),
+    ),
+    "readings": ("traces", readings_figure),
+    "decay": (
+        "decay",
+        lambda results: lines_figure(
+            results, "alpha_decay", "alpha", ["final_score", "forgetting"]
+        ),
+    ),
+    "adaptive": (
+        "adaptive",
+        lambda results: lines_figure(results, "alpha", "step_size", ["mean_score"], "lam"),
+    ),
+    "stability": (
+        "stability",
+        lambda results: lines_figure(
+            results, "alpha", "step_size", ["mean_score"], "value.layer_norm"
+        ),
+    ),
+    "exploration": ("exploration", lambda results: dots_figure(results, "mean_score")),
+    "variants": ("variants", lambda results: dots_figure(results, "mean_score", "lam")),
+    "open_choices": (
+        "open_choices",
+        lambda results: dots_figure(results, "mean_score", "lam", change_words),
+    ),
+}
+"""By their file names: the experiment that a figure shows, and what draws it."""
+
+
+def draw(experiments: Mapping[str, Experiment], pictures: Path) -> list[Path]:
+    """Draw figures as PNG and SVG.
+
+    Args:
+        experiments: the results to take for each figure, by the figures' names.
+        pictures: the folder to write to, made if need be.
+
+    Returns:
+        The files.
+
+    Raises:
+        NoResults: an experiment lacks a job.
+        OSError: a file can't be written.
+    """
+    pictures.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, experiment in experiments.items():
+        figure = FIGURES[name][1](experiment)
+        for suffix in (".png", ".svg"):
+            save(figure, (pictures / name).with_suffix(suffix))
+            written.append((pictures / name).with_suffix(suffix))
+    return written

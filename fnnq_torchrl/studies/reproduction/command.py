@@ -1,0 +1,44 @@
+"""Writes which of the paper's claims hold: ``python -m fnnq_torchrl.reproduction``."""
+
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from fnnq_torchrl.files.atomic import atomic_write
+from fnnq_torchrl.launch.arguments import page_parser
+from fnnq_torchrl.studies.experiments import newest_experiment
+from fnnq_torchrl.studies.figures.gallery import draw
+from fnnq_torchrl.training.terminal import announce
+
+from .page import EXPERIMENTS, FIGURES, IN_SHORT, verdicts_in_short, write_page
+
+
+def main() -> None:
+    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    parser = page_parser("python -m fnnq_torchrl.reproduction", __doc__)
+    parser.add_argument("--short", action="store_true", help=f"only a table, from {IN_SHORT}")
+    arguments = parser.parse_args()
+    try:
+        if arguments.short:
+            _print_short(arguments.results)
+            return
+        experiments = {name: newest_experiment(arguments.results, name) for name in EXPERIMENTS}
+        text = write_page(experiments)
+        figures = {name: experiments[source] for name, source in FIGURES.items()}
+        draw(figures, arguments.to / "figures")
+        page = arguments.to / "reproduction.md"
+        with atomic_write(page) as file:
+            file.write(text.encode())
+    except (OSError, ValueError) as error:
+        sys.exit(" ".join(str(error).split()))
+    announce(str(page))
+
+
+def _print_short(results: Path) -> None:
+    experiments = {name: newest_experiment(results, name) for name in IN_SHORT}
+    table = Table("the paper says", "our verdict", "from")
+    for claim, verdict, differences in verdicts_in_short(experiments):
+        table.add_row(f"«{claim}»", verdict, "\n".join(differences))
+    Console().print(table)

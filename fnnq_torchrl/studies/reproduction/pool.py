@@ -1,0 +1,96 @@
+"""All jobs of several experiments, found by how they differ from the default configuration."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from fnnq_torchrl.studies.experiments import HOW_IT_RUNS, Experiment, Job, NoResults
+from fnnq_torchrl.training.pictures.words import setting_words
+
+from .claims import Settings
+
+# They change how many runs there are and how they are computed, not what a run is.
+_NO_DIFFERENCE = ("num_seeds", "seed", *HOW_IT_RUNS)
+
+
+class Pool:
+    """Jobs, the largest where several have the same settings.
+
+    Args:
+        default: a job all of whose settings, but those that its experiment varies, are the
+            defaults.
+        experiments: whose jobs to take.
+    """
+
+    def __init__(self, default: Settings, experiments: Iterable[Experiment]) -> None:
+        self._default = default
+        self._jobs: dict[str, Job] = {}
+        for experiment in experiments:
+            for job in experiment.jobs:
+                key = _key(job.settings)
+                known = self._jobs.get(key)
+                if known is None or known.evaluations.runs < job.evaluations.runs:
+                    self._jobs[key] = job
+
+    def job(self, changes: Settings) -> Job:
+        """The job that differs from the default in just these settings.
+
+        Raises:
+            NoResults: there is none.
+        """
+        found = self._jobs.get(_key({**self._default, **changes}))
+        if found is None:
+            raise NoResults(f"there are no results with {words(changes) or 'the defaults'}")
+        return found
+
+    def changes(self) -> list[dict[str, Any]]:
+        """How each job differs from the default."""
+        return [
+            {
+                key: value
+                for key, value in job.settings.items()
+                if key not in _NO_DIFFERENCE and self._default.get(key) != value
+            }
+            for job in self._jobs.values()
+        ]
+
+
+def words(changes: Settings) -> str:
+    """Settings in words."""
+    return ", ".join(setting_words(key, value) for key, value in changes.items())
+
+
+def default_settings(experiment: Experiment, changes: Settings) -> dict[str, Any]:
+    """The default configuration, from an experiment that varies nothing but some keys.
+
+    Args:
+        experiment: any of its jobs will do.
+        changes: what those keys are by default.
+    """
+    return {**experiment.jobs[0].settings, **changes}
+
+
+def same_seeds(jobs: Sequence[Job]) -> int:
+    """How many first runs the jobs have in common.
+
+    Raises:
+        NoResults: their seeds differ, so that they are no pairs.
+    """
+    runs = min(job.evaluations.runs for job in jobs)
+    first = jobs[0].evaluations.seed[:runs]
+    for job in jobs:
+        if not (job.evaluations.seed[:runs] == first).all():
+            raise NoResults("results that are to be compared have different seeds")
+    return runs
+
+
+def _key(settings: Settings) -> str:
+    """What a run is, as a text; 0 and 0.0 are the same."""
+    kept = {key: value for key, value in settings.items() if key not in _NO_DIFFERENCE}
+    return repr(sorted((key, _plain(value)) for key, value in kept.items()))
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_plain, value))}]"
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return repr(float(value)) if is_number else repr(value)

@@ -1,0 +1,112 @@
+"""What all pictures have in common: colours, labels beside lines, titles and files."""
+
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.optimize import isotonic_regression
+
+from fnnq_torchrl.files.atomic import atomic_write
+
+# Okabe and Ito's colours, safe for the colour-blind, but for the yellow, too pale on white.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+# When the colours are used up, they come again with another line.
+LINES = [(colour, style) for style, colour in product(("-", "--", ":", "-."), COLOURS)]
+GREY = "0.35"
+LABEL_PT = 9.0
+LABEL_PITCH_PT = 1.35 * LABEL_PT
+"""From one label's middle to the next one's, at least."""
+
+_DPI = 160
+
+
+def new_figure(width_in: float, height_in: float, title: str, caption: str) -> Figure:
+    """An empty picture with its words above and below."""
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    figure.suptitle(title, fontsize=12)
+    figure.supxlabel(caption, fontsize=8.5, color=GREY)
+    return figure
+
+
+def save(figure: Figure, picture: Path) -> None:
+    """Write a picture, atomically; the suffix (.png, .svg, .pdf) is its format.
+
+    The same picture is the same file, byte by byte.
+
+    Raises:
+        OSError: the file can't be written.
+        ValueError: the format is unknown.
+    """
+    form = picture.suffix.removeprefix(".")
+    undated = {"Date": None} if form == "svg" else None
+    with rc_context({"svg.hashsalt": picture.stem}), atomic_write(picture) as file:
+        figure.savefig(file, format=form, dpi=_DPI, metadata=undated)
+
+
+def count_words(runs: Sequence[int] | NDArray[np.int64]) -> str:
+    """«22 runs», «1 run» or, where numbers differ, «21 to 22 runs»."""
+    fewest, most = min(runs), max(runs)
+    number = f"{most:,}" if fewest == most else f"{fewest:,} to {most:,}"
+    return f"{number} run{'s' if most > 1 else ''}"
+
+
+def quiet_grid(axes: Axes) -> None:
+    """Grid lines behind everything else."""
+    axes.grid(color="0.9")
+    axes.set_axisbelow(True)
+
+
+def label_ends(axes: Axes, labels: Sequence[str]) -> None:
+    """Write beside each line's last point what it is, and link the two.
+
+    The figure must have been laid out, which gives the axes their height.
+    """
+    lasts = [np.asarray(line.get_xydata(), dtype=np.float64)[-1] for line in axes.lines]
+    ends = [float(y) for _, y in lasts]
+    to_axes = axes.transData + axes.transAxes.inverted()
+    places = np.array([to_axes.transform((0.0, end))[1] for end in ends])  # in heights of the axes
+    left, right = axes.get_xlim()
+    height_pt = axes.get_window_extent().height * 72 / axes.figure.dpi
+    heights = spread(places, LABEL_PITCH_PT / height_pt, 0, 1)
+    for line, label, (x, y), height in zip(axes.lines, labels, lasts, heights, strict=True):
+        link = {"arrowstyle": "-", "color": line.get_color(), "relpos": (0.0, 0.5), "shrinkB": 0}
+        axes.annotate(
+            label,
+            xy=((x - left) / (right - left), y),
+            xytext=(1.03, height),
+            xycoords=axes.get_yaxis_transform(),  # x in widths of the axes, y as the line's
+            textcoords="axes fraction",
+            fontsize=LABEL_PT,
+            color=line.get_color(),
+            verticalalignment="center",
+            annotation_clip=False,
+            arrowprops=link,
+        )
+
+
+def spread(
+    heights: NDArray[np.float64], gap: float, low: float, high: float
+) -> NDArray[np.float64]:
+    """Move heights as little as possible (least squares) until all are ``gap`` apart.
+
+    Args:
+        heights: where they would be, ``[n]``, in any order; their order is kept.
+        gap: least distance of two neighbours.
+        low: lower bound for the moved heights.
+        high: upper bound for them, no less than n − 1 gaps above the lower.
+
+    Returns:
+        The moved heights, ``[n]``.
+    """
+    order = np.argsort(heights, kind="stable")
+    room = gap * np.arange(heights.size)
+    # Less the room that the ones below it need, each must only not fall: isotonic regression.
+    moved = isotonic_regression(heights[order] - room).x
+    result = np.empty_like(moved)
+    result[order] = np.clip(moved, low, high - room[-1]) + room
+    return result

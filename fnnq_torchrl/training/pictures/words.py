@@ -1,0 +1,60 @@
+"""What figures and pages call a setting."""
+
+from typing import Any
+
+_KEYS = {  # with their units
+    "lam": ("λ", ""),
+    "alpha": ("α", ""),
+    "alpha_decay": ("decay of α", ""),
+    "kappa": ("κ", ""),
+    "epsilon": ("ε", ""),
+    "temperature": ("temperature", ""),
+    "noise_std": ("σ", ""),
+    "env.speed_mps": ("V₀", "m/s"),
+    "env.bearing_noise_rad": ("sensor noise", "rad"),
+    "action.candidates": ("candidate actions", ""),
+    "value.width": ("second number of a label", ""),
+    "value.layer_norm": ("layers normalised", ""),
+    "window": ("steps", ""),
+}
+_VALUES = {
+    "decay": "decaying α",
+    "constant": "constant α",
+    "obgd": "ObGD",
+    "alpha_bound": "α bound",
+    "epsilon_greedy": "ε-greedy",
+    "boltzmann": "Boltzmann",
+    "noise": "additive noise",
+    "peng": "Peng",
+    "watkins": "Watkins",
+    "naive": "naive",
+    "window": "finite window",
+    "output": "step h by output",
+    "gradient": "step h by gradient",
+    "replacing": "replacing trace",
+    "sigma": "σ",
+    "variance": "σ²",
+}
+
+
+def key_words(key: str) -> str:
+    """A key, as an axis calls it: with its unit."""
+    name, unit = _KEYS.get(key, (key, ""))
+    return f"{name} ({unit})" if unit else name
+
+
+def value_words(value: Any) -> str:
+    """A value, as a tick calls it."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float | int):
+        return f"{value:g}"
+    return _VALUES.get(value, str(value))
+
+
+def setting_words(key: str, value: Any) -> str:
+    """A key with its value: «V₀ = 0.3 m/s»; of what names itself, only the value: «Peng»."""
+    if isinstance(value, str) and key not in _KEYS:
+        return value_words(value)
+    name, unit = _KEYS.get(key, (key, ""))
+    return f"{name} = {value_words(value)} {unit}".rstrip()

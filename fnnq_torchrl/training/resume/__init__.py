@@ -1,0 +1,1 @@
+"""What is done so far of a training, and going on from it."""

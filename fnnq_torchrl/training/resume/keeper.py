@@ -1,0 +1,66 @@
+"""What the workers have in hand, gathered so that it can be saved."""
+
+from collections.abc import Callable, Sequence
+
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from fnnq_torchrl.training.resume.interruptions import Interruptions
+
+Hand = tuple[Tensor, TensorDictBase]
+"""Jobs that have begun, int64 ``[busy]``, and their states, ``[busy]``."""
+
+
+class HandsKeeper:
+    """The :class:`fnnq_torchrl.engine.scheduler.Keeper` that saves when it is due.
+
+    Workers come by one after the other. When a save is due, each leaves a copy of what it has in
+    hand; the last of them has it saved, together with what is done. A worker may have gone on
+    meanwhile: those steps are taken once more if need be, and come to the same.
+
+    Args:
+        interruptions: say when.
+        save: takes the hands of all workers that have any. Where it raises an `OSError`, the work
+            goes on, unless it is to end, and the next save is due an interval later.
+    """
+
+    def __init__(
+        self, interruptions: Interruptions, save: Callable[[Sequence[Hand]], None]
+    ) -> None:
+        self._interruptions, self._save = interruptions, save
+        self._busy: set[int] = set()
+        self._hands: dict[int, Hand] | None = None  # while they are gathered
+
+    def visit(self, worker: int, jobs: Tensor, state: TensorDictBase) -> None:
+        busy = jobs >= 0
+        if busy.any():
+            self._busy.add(worker)
+        else:
+            self._busy.discard(worker)
+        if self._hands is None:
+            if not self._interruptions.due():
+                return
+            self._hands = {}
+        if worker in self._busy and worker not in self._hands:
+            self._hands[worker] = jobs[busy], state[busy.to(state.device)].clone()
+        if self._busy <= self._hands.keys():
+            hands, self._hands = [*self._hands.values()], None
+            self._save_all(hands)
+
+    def finish(self) -> None:
+        """Nobody has anything in hand any more.
+
+        Raises:
+            Interrupted: the work is to end, and is saved.
+            Lost: it is to end, and can't be saved.
+        """
+        if self._interruptions.ending:
+            self._save_all([])
+
+    def _save_all(self, hands: Sequence[Hand]) -> None:
+        try:
+            self._save(hands)
+        except OSError as error:
+            self._interruptions.failed(error)
+        else:
+            self._interruptions.saved()

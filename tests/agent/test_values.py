@@ -1,0 +1,264 @@
+"""The value functions that can take the fuzzy network's place."""
+
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from fnnq_torchrl.agent.values import MLPValue, ValueNetwork, make_value_network
+from fnnq_torchrl.config.values import SCHEMAS
+from fnnq_torchrl.engine.lanes import LANES
+from fnnq_torchrl.engine.native import NativeLoop
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.checkpoint import load_checkpoint
+from tests.oracles import approximators
+from tests.programs import advance, config, in_lanes, make_program, make_runs
+
+CANDIDATES = torch.linspace(-1, 1, 21, dtype=torch.float64)
+RUNS = 3
+SMALL = {"mlp": ["value.widths=[6]"], "tiles": ["value.tilings=4", "value.tiles=3"]}
+"""For the kinds that are large otherwise."""
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "values.md"
+
+numbers = st.integers(-200, 200).map(lambda n: n / 101)  # on no border but at 0
+
+
+@cache
+def make(kind: str, *overrides: str) -> ValueNetwork:
+    """A network with random weights."""
+    network = make_value_network(load_config(f"value={kind}", *overrides).value, CANDIDATES, RUNS)
+    generator = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for weight in network.parameters():
+            weight.normal_(generator=generator)
+    return network
+
+
+def q_of(network: ValueNetwork, bearing: float, action: float) -> list[float]:
+    """Q(s, a) of each run."""
+    s, a = (torch.full((RUNS, 1), x, dtype=torch.float64) for x in (bearing, action))
+    return network(s, action=a).squeeze(-1).tolist()
+
+
+def weights_of(network: ValueNetwork, run: int) -> dict[str, list]:
+    return {name: weight[run].tolist() for name, weight in network.named_parameters()}
+
+
+def by_labels(
+    oracle: Callable[..., float], network: ValueNetwork, bearing: float, action: float
+) -> list[float]:
+    """What plain Python makes of each run's weights and the default labels."""
+    labels = config().value
+    where = labels.inputs["bearing"], labels.action, bearing, action
+    return [oracle(weights_of(network, run)["weight"], *where) for run in range(RUNS)]
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+@pytest.mark.parametrize("batch", [(), (4,), (4, 2)])
+def test_a_candidate_has_the_value_of_that_action(kind: str, batch: tuple[int, ...]) -> None:
+    network = make(kind)
+    generator = torch.Generator().manual_seed(1)
+    bearing = torch.rand(RUNS, *batch, 1, generator=generator, dtype=torch.float64) * 3 - 1.5
+    values = network(bearing)
+    assert values.shape == (RUNS, *batch, 21)
+    for number in (0, 7, 20):
+        alone = network(bearing, action=CANDIDATES[number].expand_as(bearing))
+        torch.testing.assert_close(alone, values[..., number : number + 1])
+
+
+@given(numbers, numbers)
+def test_radial_basis_functions(bearing: float, action: float) -> None:
+    network = make("rbf")
+    expected = by_labels(approximators.radial, network, bearing, action)
+    assert q_of(network, bearing, action) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+@given(numbers, numbers.filter(bool))
+def test_a_look_up_table(bearing: float, action: float) -> None:
+    network = make("table")
+    expected = by_labels(approximators.looked_up, network, bearing, action)
+    assert q_of(network, bearing, action) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_border_of_the_table_belongs_half_to_either_cell() -> None:
+    network = make("table")
+    for run, value in enumerate(q_of(network, 0.0, 0.0)):  # amid the action labels −0.4 and 0.4
+        row = weights_of(network, run)["weight"][2]
+        assert value == pytest.approx((row[1] + row[2]) / 2)
+
+
+@given(numbers, numbers)
+def test_tile_coding(bearing: float, action: float) -> None:
+    network = make("tiles")
+    expected = [
+        approximators.coded(
+            weights_of(network, run)["weight"], [(-1, 1), (-1, 1)], 8, 8, bearing, action
+        )
+        for run in range(RUNS)
+    ]
+    assert q_of(network, bearing, action) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_tiles_share_less_the_farther_apart_they_are() -> None:
+    network = make("tiles")
+    for distance, tilings in ((0.0, 8), (0.03125, 7), (0.125, 4), (0.25, 0)):
+        at = torch.tensor([[-1.0 + 1e-9], [-1.0 + 1e-9 + distance]], dtype=torch.float64)
+        first, second = (network._tiles_at(0, x.view(1)) for x in at)
+        assert (first * second).sum() == tilings
+
+
+@pytest.mark.parametrize("layer_norm", ["false", "true"])
+@pytest.mark.parametrize(
+    ("name", "activation"),
+    [
+        ("tanh", math.tanh),
+        ("relu", lambda x: max(x, 0.0)),
+        ("leaky_relu", lambda x: max(x, 0.01 * x)),
+    ],
+)
+@settings(max_examples=10)
+@given(numbers, numbers)
+def test_a_perceptron(name, activation, layer_norm, bearing: float, action: float) -> None:
+    network = make(
+        "mlp", "value.widths=[4,3]", f"value.activation={name}", f"value.layer_norm={layer_norm}"
+    )
+    expected = []
+    for run in range(RUNS):
+        weights = weights_of(network, run)
+        layers = [(weights[f"weight_{i}"], weights[f"bias_{i}"]) for i in range(3)]
+        expected.append(
+            approximators.perceptron(layers, activation, layer_norm == "true", bearing, action)
+        )
+    assert q_of(network, bearing, action) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+def test_an_unknown_activation_is_refused() -> None:
+    with pytest.raises(ValueError, match="must be one of tanh, relu, leaky_relu"):
+        MLPValue(["bearing"], CANDIDATES, widths=[2], activation="sine")
+
+
+@pytest.mark.parametrize(("sparsity", "zeros"), [(0.0, [0, 0]), (0.5, [1, 4]), (0.9, [1, 7])])
+def test_a_perceptrons_start(sparsity: float, zeros: list[int]) -> None:
+    network = MLPValue(
+        ["bearing"], CANDIDATES, widths=[8, 500], activation="relu", sparsity=sparsity
+    )
+    start = network.start(torch.tensor([[3], [2**62], [3]]))
+    for layer, inputs in enumerate((2, 8)):
+        weight = start[f"weight_{layer}"]
+        assert ((weight == 0).sum(-1) == zeros[layer]).all()
+        assert weight.abs().max() <= 1 / math.sqrt(inputs)
+        assert (start[f"bias_{layer}"] == 0).all()
+        assert torch.equal(weight[0], weight[2])
+        assert not torch.equal(weight[0], weight[1])
+    # Of each unit others are zero, and what isn't is uniform.
+    weight = start["weight_1"][0]
+    assert sparsity == 0 or len((weight == 0).unique(dim=0)) > 1
+    drawn = weight[weight != 0] * math.sqrt(8)
+    assert abs(drawn.mean()) < 5 / math.sqrt(3 * len(drawn))
+    assert abs(drawn.square().mean() - 1 / 3) < 5 * math.sqrt(4 / 45 / len(drawn))
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_a_run_alone_is_the_run_in_a_batch(kind: str) -> None:
+    small = config(f"value={kind}", "alpha=0.1", *SMALL.get(kind, []))
+    runs = make_runs(small, 2 * LANES, lam=torch.linspace(0, 1, 2 * LANES))
+    alone = in_lanes(runs[37:38])
+    together = advance(make_program(small, runs), runs, 30)["weights"]
+    single = advance(make_program(small, alone), alone, 30)["weights"]
+    for name, weight in together.items():
+        assert torch.equal(weight[37], single[name][0])
+        assert not torch.equal(weight[36], weight[37])
+
+
+@pytest.mark.usefixtures("compiler")
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_compiled_is_eager(kind: str) -> None:
+    small = config(f"value={kind}", "alpha=0.1", "machine.dtype=float64", *SMALL.get(kind, []))
+    runs = make_runs(small, LANES, lam=torch.linspace(0, 1, LANES))
+    program = make_program(small, runs)
+    expected = advance(program, runs, 20)["weights"]
+    loop = NativeLoop(
+        lambda lanes: make_program(small, runs[:lanes]).step, runs, program.begin(runs)
+    )
+    running = loop(runs, program.begin(runs))
+    running.advance(20)
+    for name, weight in expected.items():
+        torch.testing.assert_close(running.state["weights", name], weight, rtol=1e-9, atol=1e-12)
+
+
+def test_a_bearing_beyond_the_range_has_the_tile_at_the_edge() -> None:
+    network = make("tiles")
+    for edge, beyond in ((1.0, 1.5), (-1.0, -1.5)):
+        assert q_of(network, edge, 0.3) == q_of(network, beyond, 0.3)
+
+
+def test_far_from_every_centre_radial_basis_functions_are_zero() -> None:
+    far: Tensor = make("rbf")(torch.full((RUNS, 1), 30.0, dtype=torch.float64))
+    assert (far == 0).all()
+
+
+@pytest.fixture(scope="module")
+def with_fourier(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A directory with the page's two files, and nothing else."""
+    root = tmp_path_factory.mktemp("own")
+    (root / "my_conf" / "value").mkdir(parents=True)
+    for language, path in (("python", "fourier.py"), ("yaml", "my_conf/value/fourier.yaml")):
+        (text,) = re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(), re.DOTALL)
+        (root / path).write_text(text)
+    return root
+
+
+def run_there(root: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    command = (sys.executable, *command)
+    return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+
+
+def train_there(root: Path, *overrides: str) -> subprocess.CompletedProcess[str]:
+    train = ("-m", "fnnq_torchrl.train", "--config-dir", "my_conf", "value=fourier")
+    return run_there(root, *train, *overrides)
+
+
+def test_its_candidates_have_the_values_of_those_actions(with_fourier: Path) -> None:
+    ended = run_there(
+        with_fourier,
+        "-c",
+        """
+import torch
+from fourier import FourierValue
+
+network = FourierValue(["bearing"], torch.linspace(-1, 1, 21), order=5, runs=4)
+generator = torch.Generator().manual_seed(0)
+network.weight.detach().normal_(generator=generator)
+bearing = torch.rand(4, 3, 1, generator=generator)
+alone = network(bearing, action=network.candidates[7].expand_as(bearing))
+torch.testing.assert_close(alone, network(bearing)[..., 7:8])
+""",
+    )
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_a_value_function_of_ones_own_is_a_file_and_a_yaml(with_fourier: Path) -> None:
+    ended = train_there(
+        with_fourier, "engine=eager", "value.order=2", "situations=5", "hydra.run.dir=job"
+    )
+    assert ended.returncode == 0, ended.stderr
+    weights = load_checkpoint(with_fourier / "job" / "checkpoint.pt").weights
+    assert weights["weight"].shape == (1, 9)
+    assert (weights["weight"] != 0).all()
+
+
+def test_its_mistakes_are_told_too(with_fourier: Path) -> None:
+    ended = train_there(with_fourier, "value.order=0", "hydra.run.dir=other")
+    told = "value.order=0: must be a whole number >= 1\n"
+    assert (ended.returncode, ended.stderr) == (2, told)

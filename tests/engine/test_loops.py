@@ -1,0 +1,453 @@
+"""Compiled loops against the eager one, and against themselves."""
+
+from collections.abc import Callable
+
+import pytest
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+
+from fnnq_torchrl.agent.gradient import gradient
+from fnnq_torchrl.agent.learning_step import Program
+from fnnq_torchrl.config.schema import PER_RUN, Config, ConfigError
+from fnnq_torchrl.engine import choice as engine
+from fnnq_torchrl.engine.graphs import leaves, trace
+from fnnq_torchrl.engine.inductor import InductorLoop
+from fnnq_torchrl.engine.lanes import LANES
+from fnnq_torchrl.engine.loops import EagerLoop, Loop, MakeLoop, Running, Step
+from fnnq_torchrl.engine.native import NativeLoop, RunsMixed, Unsupported
+from fnnq_torchrl.engine.scheduler import work_through
+from fnnq_torchrl.training.learning import Learning
+from fnnq_torchrl.training.resume.ledger import Ledger
+from tests.programs import config, in_lanes, make_program, make_runs
+
+pytestmark = pytest.mark.usefixtures("compiler")
+KINDS = [NativeLoop, InductorLoop]
+
+# -- a tiny step ----------------------------------------------------------------------------------
+
+
+def tiny_step(rate: float = 0.01, offset: float = 0.5) -> Callable[[int], Step]:
+    """Downhill, in both precisions: its rate is a number in the graph, its offset a tensor."""
+    offsets = torch.tensor([0.0, offset, -offset])
+
+    def downhill(w: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
+        def height(weights: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
+            sums = (weights["w"].cumsum(-1) + offsets.to(w.dtype)) * x
+            return sums.square().sum(), sums.detach().amax(-1, keepdim=True)
+
+        slope, highest = gradient(height, {"w": w})
+        return w - rate * slope["w"], highest
+
+    def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+        single, _ = downhill(state["single"], stays["x"])
+        double, highest = downhill(state["deep", "double"], stays["x"].double())
+        deep = {"double": double, "rose": highest > state["highest"]}
+        return TensorDict(
+            {
+                "single": single,
+                "deep": deep,
+                "highest": highest,
+                "n": state["n"] + 1,
+                "before": state["n"].clone(),
+                "long_before": state["before"].clone(),
+            },
+            state.batch_size,
+        )
+
+    return lambda lanes: step
+
+
+@pytest.fixture(scope="module")
+def tiny() -> tuple[TensorDict, TensorDict]:
+    """What stays, and a state."""
+    generator = torch.Generator().manual_seed(0)
+    w = torch.randn(LANES, 3, generator=generator)
+    zero = torch.zeros(LANES, 1, dtype=torch.int64)
+    state = {
+        "single": w,
+        "deep": {"double": w.double(), "rose": zero.bool()},
+        "highest": zero.double(),
+        "n": zero.clone(),
+        "before": zero - 1,
+        "long_before": zero - 2,
+    }
+    x = torch.randn(LANES, 3, generator=generator)
+    return TensorDict({"x": x}, [LANES]), TensorDict(state, [LANES])
+
+
+@pytest.fixture(scope="module", params=KINDS, ids=lambda kind: kind.__name__)
+def tiny_loop(request, compiler: None, tiny: tuple[TensorDict, TensorDict]) -> Loop:
+    return request.param(tiny_step(), *tiny)
+
+
+def run(loop: Loop, stays: TensorDictBase, state: TensorDictBase, steps: int) -> TensorDictBase:
+    """The state so many steps later."""
+    running = loop(stays, state)
+    running.advance(steps)
+    return running.state
+
+
+def different(state: TensorDictBase, other: TensorDictBase) -> list[str]:
+    """The entries that aren't the same bits."""
+    some, others = (td.flatten_keys("/").to_dict() for td in (state, other))
+    assert some.keys() == others.keys()
+    return [key for key in some if not torch.equal(some[key], others[key])]
+
+
+def assert_close(state: TensorDictBase, other: TensorDictBase) -> None:
+    """The same whole numbers and booleans; the same to rounding, each in its own precision."""
+    some, others = (td.flatten_keys("/").to_dict() for td in (state, other))
+    assert some.keys() == others.keys()
+    for key, leaf in some.items():
+        torch.testing.assert_close(leaf, others[key], msg=lambda text, key=key: f"{key}: {text}")
+
+
+def test_a_graph_has_the_steps_arithmetic(tiny: tuple[TensorDict, TensorDict]) -> None:
+    stays, state = tiny
+    step = tiny_step()(LANES)
+    graph = trace(step, stays, state)
+    for _ in range(3):
+        traced = graph(*leaves(stays).values(), *leaves(state).values())
+        state = step(stays, state)
+        for (key, leaf), value in zip(leaves(state).items(), traced, strict=True):
+            torch.testing.assert_close(value, leaf, msg=key)
+
+
+def branch(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+    after = state.clone()
+    return after if state["n"].sum() > 3 else after.apply_(torch.neg)
+
+
+def count(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+    after = state.clone()
+    for _ in range(int(state["n"].amax())):
+        after["n"] += 1
+    return after
+
+
+def look_for(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+    after = state.clone()
+    for lane in (stays["x"][:, 0] > 0).nonzero().flatten().tolist():
+        after["n"][lane] += 1
+    return after
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("step", [branch, count, look_for], ids=lambda step: step.__name__)
+def test_a_step_whose_python_looks_at_data_is_refused(
+    tiny: tuple[TensorDict, TensorDict], step: Step, kind: MakeLoop
+) -> None:
+    # Traced once, it would do for ever what it did for the first state.
+    with pytest.raises(RuntimeError, match=r"(?i)data.dependent|dynamic output shape"):
+        kind(lambda lanes: step, *tiny)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 25])
+def test_a_loop_is_so_many_steps(
+    tiny_loop: Loop, tiny: tuple[TensorDict, TensorDict], steps: int
+) -> None:
+    after = run(tiny_loop, *tiny, steps)
+    assert_close(after, run(EagerLoop(tiny_step(), *tiny), *tiny, steps))
+    assert (after["n"] == steps).all()
+    assert (after["long_before"] == steps - 2).all()
+    assert after.batch_size == tiny[1].batch_size
+
+
+def test_no_steps_are_the_identity_and_a_state_goes_on_where_it_was(
+    tiny_loop: Loop, tiny: tuple[TensorDict, TensorDict]
+) -> None:
+    stays, state = tiny
+    kept = state.clone()
+    running = tiny_loop(stays, state)
+    running.advance(0)
+    assert not different(running.state, state)
+    running.advance(7)
+    running.advance(9)
+    assert not different(running.state, run(tiny_loop, stays, state, 16))
+    assert not different(state, kept)
+
+
+def test_what_runs_is_read_and_written_in_place(
+    tiny_loop: Loop, tiny: tuple[TensorDict, TensorDict]
+) -> None:
+    stays, state = tiny
+    running = tiny_loop(stays, state)
+    running.advance(3)
+    running.stays[5:7], running.state[5:7] = 2 * stays[5:7], state[5:7]
+    running.advance(4)
+    others = [lane for lane in range(LANES) if lane not in (5, 6)]
+    assert not different(running.state[others], run(tiny_loop, stays, state, 7)[others])
+    assert not different(running.state[5:7], run(tiny_loop, 2 * stays, state, 4)[5:7])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_program_that_differs_in_one_number_only_is_another(
+    tiny: tuple[TensorDict, TensorDict], kind: MakeLoop
+) -> None:
+    states = []
+    for step in (tiny_step(), tiny_step(rate=0.02), tiny_step(offset=0.25)):
+        states.append(run(kind(step, *tiny), *tiny, 5))
+        assert_close(states[-1], run(EagerLoop(step, *tiny), *tiny, 5))
+    assert "single" in different(states[0], states[1])
+    assert "single" in different(states[0], states[2])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_compiler_that_fails_is_told_in_one_line(
+    tiny: tuple[TensorDict, TensorDict], kind: MakeLoop, monkeypatch, tmp_path
+) -> None:
+    broken = tmp_path / "my-g++"
+    broken.write_text("#!/bin/sh\necho this machine has no headers >&2\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("CXX", str(broken))
+    with (
+        torch._inductor.config.patch({"cpp.cxx": (str(broken),)}),
+        pytest.raises(ConfigError, match=r"^engine=compiled: .*engine=eager") as refused,
+    ):
+        kind(tiny_step(rate=0.03), *tiny)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_what_cannot_be_written_out_goes_to_inductor(
+    tiny: tuple[TensorDict, TensorDict], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def sort(stays: TensorDictBase, state: TensorDictBase) -> TensorDictBase:
+        return state.clone().set("single", state["single"].sort(-1).values)
+
+    with pytest.raises(Unsupported, match=r"aten\.sort"):
+        NativeLoop(lambda lanes: sort, *tiny)
+    loop = engine.make_engine("compiled", torch.device("cpu")).make_loop(lambda lanes: sort, *tiny)
+    assert isinstance(loop, InductorLoop)
+    assert_close(run(loop, *tiny, 1), sort(*tiny))
+
+
+MIXED: dict[str, tuple[Callable[[Tensor], Tensor], str]] = {
+    "mean of the runs": (lambda x: x - x.mean(0), "depends on other runs"),
+    "largest of the runs": (lambda x: x.amax(0).expand_as(x), "depends on other runs"),
+    "neighbour": (lambda x: x.flip(0), "depends on other runs"),
+    "number of its own": (
+        lambda x: x + torch.arange(len(x)).unsqueeze(-1),
+        "isn't the same for every run",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MIXED)
+def test_a_step_that_mixes_runs_is_refused(tiny: tuple[TensorDict, TensorDict], name: str) -> None:
+    function, why = MIXED[name]
+
+    def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDictBase:
+        return state.clone().set("single", function(state["single"]))
+
+    with pytest.raises(RunsMixed, match=f"^single: .*{why}"):
+        NativeLoop(lambda lanes: step, *tiny)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (lambda state: state.set("single", state["single"].double()), "single: .*float64"),
+        (lambda state: state.set("n", state["n"].expand(-1, 2).clone()), r"n: .*\[2, "),
+        (lambda state: state.exclude("n"), "same entries"),
+        (lambda state: state.set("new", state["n"].clone()), "same entries"),
+    ],
+    ids=["dtype", "shape", "fewer", "more"],
+)
+def test_a_step_to_another_kind_of_state_is_refused(
+    tiny: tuple[TensorDict, TensorDict], change: Callable[[TensorDict], TensorDict], what: str
+) -> None:
+    with pytest.raises(ValueError, match=what):
+        NativeLoop(lambda lanes: lambda stays, state: change(state.clone()), *tiny)
+
+
+def test_a_program_is_given_what_it_is_for(tiny: tuple[TensorDict, TensorDict]) -> None:
+    stays, state = tiny
+    loop = NativeLoop(tiny_step(), stays, state)
+    with pytest.raises(ValueError, match="multiple of 32"):
+        loop(stays[:3], state[:3])
+    with pytest.raises(ValueError, match="a program for"):
+        loop(stays, state.double())
+    with pytest.raises(RuntimeError, match="locked"):  # the program would go on with the old one
+        loop(stays, state).state["n"] = state["n"]
+
+
+# -- lanes that are over --------------------------------------------------------------------------
+
+
+def countdown(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+    n = state["n"] - 1
+    return TensorDict({"n": n, "over": n <= stays["until"]}, state.batch_size)
+
+
+@pytest.mark.parametrize("kind", [NativeLoop, EagerLoop])
+def test_steps_end_where_all_are_over_and_nobody_is_cut_short(kind: MakeLoop) -> None:
+    lanes = 2 * LANES
+    until = torch.arange(lanes).unsqueeze(-1) % 7 - 20
+    until[LANES:] -= 500
+    zero = torch.zeros_like(until)
+    stays = TensorDict({"until": until}, [lanes])
+    state = TensorDict({"n": zero, "over": zero.bool()}, [lanes])
+    loop = kind(lambda lanes: countdown, stays, state)
+    assert (run(loop, stays, state, 3)["n"] == -3).all()
+    after = run(loop, stays, state, 1000)
+    assert after["over"].all()
+    assert (after["n"] <= until).all()
+    assert (after["n"] >= -530).all()
+    if kind is NativeLoop:  # a vector of lanes ends for itself
+        assert (after["n"][:LANES] >= -30).all()
+
+
+def test_any_number_of_loops_are_made_in_one_process() -> None:
+    # torch.compile gives up on a function that it has compiled eight times.
+    zero = torch.zeros(LANES, 1, dtype=torch.int64)
+    args = TensorDict({"until": zero}, [LANES]), TensorDict({"n": zero, "over": zero > 0}, [LANES])
+    for _ in range(9):
+        assert (run(InductorLoop(lambda lanes: countdown, *args), *args, 5)["n"] == -5).all()
+
+
+# -- the learning program -------------------------------------------------------------------------
+
+RUNS, STEPS = 40, 50
+LONGER = 300  # so that a difference in a last bit shows
+Compiled = tuple[TensorDict, Program, Loop]
+
+
+def compile_learning(settings: Config, run: TensorDict, kind: MakeLoop = NativeLoop) -> Compiled:
+    program = make_program(settings, run)
+    with torch.no_grad():
+        loop = kind(lambda lanes: make_program(settings, run[:lanes]).step, run, program.begin(run))
+    return run, program, loop
+
+
+@torch.no_grad()
+def learn(compiled: Compiled, steps: int) -> TensorDictBase:
+    stays, program, loop = compiled
+    return run(loop, stays, program.begin(stays), steps)
+
+
+@torch.no_grad()
+def learn_eagerly(compiled: Compiled, steps: int) -> TensorDictBase:
+    stays, program, _ = compiled
+    state = program.begin(stays)
+    return run(EagerLoop(lambda lanes: program.step, stays, state), stays, state, steps)
+
+
+@pytest.fixture(scope="module")
+def batch(compiler: None) -> Compiled:
+    stays = make_runs(config(), RUNS, lam=torch.linspace(0, 1, RUNS))
+    return compile_learning(config(), in_lanes(stays))
+
+
+def assert_learned_alike(compiled: Compiled, rtol: float, atol: float) -> None:
+    state, expected = learn(compiled, STEPS), learn_eagerly(compiled, STEPS)
+    assert state["situations"].min() >= 3  # ends and catches were among the steps
+    for key in ("situations", "steps", "alpha", "over"):
+        assert_close(state.select(key), expected.select(key))
+    for key in ("weights", "trace", "snapshot"):
+        for name, leaf in state[key].items(include_nested=True, leaves_only=True):
+            torch.testing.assert_close(leaf, expected[key][name], rtol=rtol, atol=atol)
+    assert state["weights", "weight"].abs().max() > 0.1
+
+
+@pytest.mark.parametrize("trace", ["output", "gradient"])
+@pytest.mark.parametrize(
+    ("dtype", "rtol", "atol"), [("float32", 1e-4, 1e-5), ("float64", 1e-11, 1e-13)]
+)
+def test_it_learns_what_the_eager_engine_learns(
+    trace: str, dtype: str, rtol: float, atol: float
+) -> None:
+    settings = config(f"trace={trace}", f"machine.dtype={dtype}")
+    stays = make_runs(settings, LANES, lam=torch.linspace(0, 1, LANES))
+    assert_learned_alike(compile_learning(settings, stays), rtol, atol)
+
+
+def test_it_learns_on_one_side_what_the_eager_engine_learns() -> None:
+    settings = config("env.start_side=left", "env.switch_side_after=2", "env.other_view_rad=0.2")
+    assert_learned_alike(compile_learning(settings, make_runs(settings, LANES)), 1e-4, 1e-5)
+
+
+@pytest.mark.parametrize("step_size", ["obgd", "alpha_bound"])
+def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: str) -> None:
+    settings = config(f"step_size={step_size}", "machine.dtype=float64", "lam=0.8")
+    stays = make_runs(settings, RUNS, kappa=torch.linspace(1.1, 4, RUNS))
+    many = compile_learning(settings, in_lanes(stays))
+    assert_learned_alike(many, 1e-10, 1e-12)
+    alone = in_lanes(stays[13:14])
+    state = run(many[2], alone, make_program(settings, alone).begin(alone), STEPS)
+    assert not different(state[:1], learn(many, STEPS)[13:14])
+
+
+def test_inductor_learns_what_the_eager_engine_learns() -> None:
+    labels = "[[-0.5, 0.4], [0.5, 0.4]]"
+    settings = config(
+        "action.candidates=3", f"value.inputs.bearing={labels}", f"value.action={labels}"
+    )
+    stays = make_runs(settings, LANES, lam=torch.linspace(0, 1, LANES))
+    assert_learned_alike(compile_learning(settings, stays, InductorLoop), 1e-4, 1e-5)
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_a_run_alone_is_the_run_in_any_batch(dtype: str) -> None:
+    settings = config(f"machine.dtype={dtype}")
+    stays = make_runs(settings, RUNS, lam=torch.linspace(0, 1, RUNS))
+    many, program, loop = compile_learning(settings, in_lanes(stays))
+    alone = in_lanes(stays[13:14])
+    assert len(alone) < len(many)
+    state = run(loop, alone, make_program(settings, alone).begin(alone), LONGER)
+    assert not different(state[:1], learn((many, program, loop), LONGER)[13:14])
+
+
+def test_a_program_of_another_world_is_another(batch: Compiled) -> None:
+    other = compile_learning(config("env.catch_distance_m=0.3"), batch[0])
+    state, expected = learn(other, STEPS), learn_eagerly(other, STEPS)
+    assert torch.equal(state["situations"], expected["situations"])
+    assert not torch.equal(state["situations"], learn(batch, STEPS)["situations"])
+
+
+def test_neither_lanes_nor_workers_matter_to_runs_that_take_turns(batch: Compiled) -> None:
+    _, program, loop = batch
+    runs, every, evaluations = 150, config().evaluation.every, 7
+    last = every * (evaluations - 1)
+    stays = make_runs(config(), runs, situations=last)
+
+    class Counting:
+        any_lanes = True
+
+        def __call__(self, stays: TensorDictBase, state: TensorDictBase) -> Running:
+            lanes.append(len(state))
+            return loop(stays, state)
+
+    def learned(workers: int, order: Tensor) -> TensorDict:
+        start = dict(program.loss.value_network.named_parameters())
+        blank = {name: weight[:1].expand(runs, *weight.shape[1:]) for name, weight in start.items()}
+        with torch.no_grad():
+            columns = {key: stays[key][order].flatten().tolist() for key in PER_RUN}
+            ledger = Ledger(columns, blank, every, evaluations, tests=1)
+            task = Learning(program, Counting(), stays[order], ledger, done.append)
+            work_through(task, task.jobs, len(batch[0]), workers)
+        return ledger.book.pages[:, order.argsort()]
+
+    in_order, shuffled = torch.arange(runs), torch.randperm(runs, generator=torch.Generator())
+    lanes: list[int] = []
+    done: list[int] = []
+    pages = learned(1, in_order)
+    assert (pages["steps"].diff(dim=0) > 0).all()  # no page is missing
+    assert lanes == [64, 32]  # some are given up when no run waits for them
+    assert done == sorted(done)
+    assert done[-1] == runs * last
+    assert not different(learned(2, in_order), pages)
+    assert not different(learned(2, shuffled), pages)
+
+
+def test_runs_that_diverge_do_so_as_they_do_eagerly(batch: Compiled) -> None:
+    """NaN and infinity stay where they are, in the runs that have them."""
+    stays = batch[0].clone()
+    stays["alpha"][::2] = 1e30
+    huge = (stays, *batch[1:])
+    state, expected = learn(huge, STEPS), learn_eagerly(huge, STEPS)
+    finite = expected["weights", "weight"].isfinite().flatten(1).all(1)
+    assert not finite[::2].any()
+    assert finite[1::2].all()
+    assert torch.equal(state["weights", "weight"].isfinite().flatten(1).all(1), finite)
+    assert not different(state[1::2], learn(batch, STEPS)[1::2])

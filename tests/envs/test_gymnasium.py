@@ -1,0 +1,138 @@
+"""The world behind Gymnasium's interface: by its own checker, and the same world as ever."""
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from envs.core.parameters import OutOfRange
+from envs.gymnasium import FollowBallGym
+from envs.robot.follow import FollowBall
+from envs.robot.schemas import World
+
+CANDIDATES = 21
+
+
+@pytest.fixture
+def env(world: World) -> FollowBallGym:
+    return FollowBallGym(world, CANDIDATES)
+
+
+def test_gymnasiums_checker_finds_nothing(world, monkeypatch):
+    """Through `gymnasium.make`, since some of its checks need a spec."""
+    monkeypatch.setattr(gymnasium.envs.registration, "registry", {})
+    gymnasium.register("FollowBall-v0", FollowBallGym)
+    made = gymnasium.make("FollowBall-v0", world=world, candidates=CANDIDATES)
+    check_env(made.unwrapped)
+
+
+@settings(max_examples=5)
+@given(seed=st.integers(0, 2**63 - 1), chooser=st.integers(0, 2**32 - 1))
+def test_it_is_the_same_world_bit_for_bit(seed, chooser, world):
+    """As FollowBall's own, with the same actions, over the end of two situations."""
+    env = FollowBallGym(world, CANDIDATES)
+    twin = FollowBall(world, seed=torch.tensor(seed))
+    choose = np.random.default_rng(chooser)
+    candidates = torch.linspace(-1, 1, CANDIDATES)
+    seen, info = env.reset(seed=seed)
+    state = twin.reset()
+    ends = 0
+    while ends < 2:
+        assert seen.tolist() == state["bearing"].tolist()
+        # About where the ball is, so that some situations end in a catch.
+        towards = 0.5 - 2.5 * seen[0] + choose.normal(scale=0.2)
+        action = np.int64(np.clip(round(20 * towards), 0, 20))
+        seen, reward, terminated, truncated, info = env.step(action)
+        state = twin.step(state.set("action", candidates[action].view(1)))["next"]
+        assert (reward, terminated) == (state["reward"].item(), state["terminated"].item())
+        assert info == {"is_success": reward == world.catch_reward}
+        assert not truncated
+        if terminated:
+            assert seen.tolist() == state["bearing"].tolist()
+            ends += 1
+            seen, info = env.reset()
+            state = twin.reset()
+            assert info == {"is_success": False}
+
+
+def test_a_situation_is_found_again_by_its_seed_and_number(env):
+    env.reset(seed=5)
+    wanted = [env.reset()[0] for _ in range(3)]
+    env.reset(seed=6)
+    assert env.reset(seed=5, options={"episode": 2})[0] == wanted[1]
+    assert env.reset()[0] == wanted[2]
+
+
+def test_a_start_can_be_given(env, world):
+    """For the paper's test, say; that of the next situation is random again."""
+    seen, _ = env.reset(seed=1, options={"start": (0.8, 0.1), "episode": 2**32})
+    number = torch.tensor([2**32])
+    twin = FollowBall(world).start(torch.tensor([1]), number, torch.tensor([0.8, 0.1]))
+    assert seen.tolist() == twin["bearing"].tolist()
+    assert abs(seen[0] - 0.8) < 0.06
+    seen, _ = env.reset()
+    assert (
+        seen.tolist() == FollowBall(world).start(torch.tensor([1]), number + 1)["bearing"].tolist()
+    )
+
+
+@pytest.mark.parametrize("caught", [True, False])
+def test_how_it_ends(caught, world):
+    """Straight at a ball that rests ahead, or away from one."""
+    env = FollowBallGym(world, 3)
+    env.reset(options={"start": (0.0 if caught else np.pi, 0.0)})
+    for _ in range(world.time_limit_steps):
+        _, reward, terminated, truncated, info = env.step(1)
+        if terminated:
+            break
+    assert (terminated, truncated, info["is_success"]) == (True, False, caught)
+    assert reward == (world.catch_reward if caught else world.miss_reward)
+    with pytest.raises(ResetNeeded, match="it has ended"):
+        env.step(1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"seed": -1}, r"seed=-1: must be a whole number in \[0, "),
+        ({"seed": 2**63}, "seed="),
+        ({"seed": 0.5}, "seed="),
+        ({"options": {"episode": 2**33}}, "episode="),
+        ({"options": {"episode": True}}, "episode="),
+        ({"seed": 7, "options": {"episode": -1}}, "episode="),
+        ({"options": {"start": (1.0,)}}, "start="),
+        ({"options": {"start": (1.0, np.inf)}}, "start="),
+        ({"options": {"start": 3}}, "start="),
+        ({"options": {"starts": (0, 0)}}, "options=starts: must be episode or start"),
+    ],
+)
+def test_what_reset_refuses(arguments, message, env):
+    """In one line, and the run goes on as if nobody had asked."""
+    env.reset(seed=3)
+    with pytest.raises(OutOfRange, match=message) as refusal:
+        env.reset(**arguments)
+    assert "\n" not in str(refusal.value)
+    first = env.reset()[0]
+    env.reset(seed=3)
+    assert env.reset()[0] == first
+
+
+@pytest.mark.parametrize("action", [-1, CANDIDATES, 0.5, None])
+def test_there_is_no_such_action(action, env):
+    env.reset()
+    with pytest.raises(OutOfRange, match=r"action=.*: must be a whole number in \[0, 21\)"):
+        env.step(action)
+
+
+def test_no_step_before_a_reset(env):
+    with pytest.raises(ResetNeeded, match="no situation has begun"):
+        env.step(0)
+
+
+def test_a_single_candidate_is_too_few(world):
+    with pytest.raises(OutOfRange, match="candidates=1"):
+        FollowBallGym(world, 1)

@@ -1,0 +1,77 @@
+from collections import Counter
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fnnq_torchrl.config.schema import PER_RUN, run_columns
+from fnnq_torchrl.launch.batches import in_batches
+from fnnq_torchrl.training.jobs import BATCHABLE, Job, as_one
+from tests.programs import config
+
+CONFIG = config()
+CONFIGS = st.builds(
+    lambda lam, seed, num_seeds, alpha, trace: replace(
+        CONFIG, lam=lam, seed=seed, num_seeds=num_seeds, alpha=alpha, trace=trace
+    ),
+    lam=st.sampled_from([0.0, 0.2]),
+    seed=st.integers(0, 2**62),
+    num_seeds=st.integers(1, 9),
+    alpha=st.sampled_from([0.1, 0.4]),
+    trace=st.sampled_from(["output", "gradient"]),
+)
+JOBS = st.lists(CONFIGS, max_size=12).map(
+    lambda configs: [Job(config, Path(str(i))) for i, config in enumerate(configs)]
+)
+
+
+@given(jobs=JOBS, most_runs=st.integers(1, 20))
+def test_every_job_is_in_one_batch_with_its_like(jobs: list[Job], most_runs: int) -> None:
+    batches = in_batches(jobs, most_runs)
+    assert Counter(job.directory for batch in batches for job in batch) == Counter(
+        job.directory for job in jobs
+    )
+    for batch in batches:
+        assert [jobs.index(job) for job in batch] == sorted(jobs.index(job) for job in batch)
+        for job in batch:
+            differ = {
+                key
+                for key, value in asdict(job.config).items()
+                if value != getattr(batch[0].config, key) and not isinstance(value, dict)
+            }
+            assert differ <= set(BATCHABLE)
+        runs = sum(job.config.num_seeds for job in batch)
+        assert runs <= most_runs or len(batch) == 1
+    # No two neighbours of a kind would have fitted into one.
+    for trace in ("output", "gradient"):
+        sizes = [
+            sum(job.config.num_seeds for job in batch)
+            for batch in batches
+            if batch[0].config.trace == trace
+        ]
+        firsts = [b[0].config.num_seeds for b in batches if b[0].config.trace == trace]
+        assert all(size + new > most_runs for size, new in zip(sizes, firsts[1:], strict=False))
+
+
+def test_what_isnt_per_run_sets_jobs_apart() -> None:
+    world = replace(CONFIG.env, speed_mps=0.2)
+    configs = [CONFIG, replace(CONFIG, env=world), replace(CONFIG, seed=3), replace(CONFIG)]
+    batches = in_batches([Job(c, Path(str(i))) for i, c in enumerate(configs)], 100)
+    assert [[job.directory.name for job in batch] for batch in batches] == [["0", "2", "3"], ["1"]]
+
+
+@given(configs=st.lists(CONFIGS, min_size=1, max_size=5))
+def test_as_one_job_they_have_all_their_runs(configs) -> None:
+    configs = [replace(each, trace="output") for each in configs]
+    config, columns = as_one(configs)
+    assert set(columns) == set(PER_RUN)
+    for key, values in columns.items():
+        assert values == [value for each in configs for value in run_columns(each)[key]]
+        assert len(values) == config.num_seeds
+    assert config.trace == "output"
+
+
+def test_the_last_seeds_can_be_in_a_batch_too() -> None:
+    configs = [replace(CONFIG, seed=2**63 - 1), replace(CONFIG, seed=0)]
+    assert as_one(configs)[1]["seed"] == [2**63 - 1, 0]

@@ -1,0 +1,244 @@
+"""The command line, from ``sys.argv`` to the job and back to the exit status."""
+
+import os
+import signal
+import subprocess
+import sys
+import types
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from fnnq_torchrl import train
+from fnnq_torchrl.config.schema import Config, ConfigError
+from fnnq_torchrl.launch.command import command, fresh_directory
+from fnnq_torchrl.training.resume.interruptions import Interruptions
+
+ROOT = Path(train.__file__).parents[1]
+UNIT = "must be a number in [0, 1]"
+MISTAKES = {
+    "lam=1.5": f"lam=1.5: {UNIT}",
+    "lam=abc": f"lam=abc: {UNIT}",
+    "lam=nan": f"lam=nan: {UNIT}",
+    "lam=": f"lam=: {UNIT}",
+    "lam=null": f"lam=null: {UNIT}",
+    "lam=true": f"lam=True: {UNIT}",
+    "lamm=0.2": "lamm=0.2: there is no lamm; did you mean lam?",
+    "+lamm=0.2": "lamm=0.2: there is no lamm; did you mean lam?",
+    "num_seeds=0": "num_seeds=0: must be a whole number >= 1",
+    "seed=1.5": "seed=1.5: must be a whole number >= 0",
+    "seed=-1": "seed=-1: must be a whole number >= 0",
+    "alpha=-1": "alpha=-1.0: must be a number in [0, inf)",
+    "situations=7": "situations=7: must be a whole multiple of evaluation.every=5",
+    "trace=foo": "trace=foo: must be output, gradient, replacing or window",
+    "variant=foo": "variant=foo: must be peng, watkins or naive",
+    "exploration=foo": "exploration=foo: must be epsilon_greedy, boltzmann or noise",
+    "window=0": "window=0: must be a whole number >= 1",
+    "temperature=0": "temperature=0.0: must be a number in (0, inf)",
+    "engine=foo": "engine=foo: must be auto, eager or compiled",
+    "value=nope": "value=nope: must be fnnq or mlp or rbf or table or tiles",
+    "env.speed_mps=-1": "env.speed_mps=-1.0: must be a number in (0, inf)",
+    "env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
+    "+env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
+    "hydra.nope=1": "Could not override 'hydra.nope'. To append to your config use +hydra.nope=1",
+}
+QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")  # pytest's own stays as it is
+TYPED = f"train {' '.join(QUIET)}"
+# What a shell that took a parenthesis for its own, or a user who took a flag for a word, leaves.
+UNFRIENDLY = {
+    ("lam=0.2,0.3",): "lam=0.2,0.3: several values need -m, a job for each; "
+    f"type {TYPED} lam=0.2,0.3 -m",
+    ("seed=range(22)",): "seed=range(22): several values need -m, a job for each; "
+    f"type {TYPED} 'seed=range(22)' -m",
+    ("seed=range(0,", "22)", "-m"): "seed=range(0,: parentheses need quotes; "
+    "type 'seed=range(0, 22)'",
+    ("seed=range(22", "-m"): "seed=range(22: its parenthesis isn't closed; "
+    "type it in quotes, as in 'seed=range(22)'",
+    ("lam=0.2,0.3", "-m", "seed=1"): f"-m goes last; type {TYPED} lam=0.2,0.3 seed=1 -m",
+    ("lam=0.2,0.3", "--multirun", "seed=1"): "--multirun goes last; "
+    f"type {TYPED} lam=0.2,0.3 seed=1 --multirun",
+    ("hydra.launcher.clustr=local", "-m"): "Could not override 'hydra.launcher.clustr'. "
+    "To append to your config use +hydra.launcher.clustr=local; "
+    "did you mean hydra.launcher.cluster?",
+    ("hydra.launcher.cluster=slum", "-m"): "hydra.launcher.cluster=slum: "
+    "must be none, local or slurm",
+}
+
+
+class Outcome(NamedTuple):
+    status: int
+    stderr: str
+    jobs: list[tuple[Config, Path]]
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys) -> Callable[..., Outcome]:
+    """Runs the train command in this process with a job that only takes notes."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str, job: Callable[[Config, Path], None] | None = None) -> Outcome:
+        jobs: list[tuple[Config, Path]] = []
+        stub = types.ModuleType("fnnq_torchrl.training.job")
+        stub.run_job = job or (lambda config, directory: jobs.append((config, directory)))
+        stub.run_batches = lambda batches, pictures: (
+            [stub.run_job(each.config, each.directory) for each in batch] for batch in batches
+        )
+        monkeypatch.setitem(sys.modules, stub.__name__, stub)
+        monkeypatch.setattr(sys, "argv", ["train", *QUIET, *arguments])
+        status = 0
+        try:
+            train.main()
+        except SystemExit as end:
+            status = end.code
+        return Outcome(status, capsys.readouterr().err, jobs)
+
+    return run
+
+
+def test_one_job(run, tmp_path):
+    status, stderr, [(config, directory)] = run("lam=0.3", "seed=3")
+    assert (status, stderr) == (0, "")
+    assert (config.lam, config.seed) == (0.3, 3)
+    assert directory.parent == tmp_path / "outputs"
+    assert (directory / ".hydra" / "overrides.yaml").read_text() == "- lam=0.3\n- seed=3\n"
+    assert Path.cwd() == tmp_path
+
+
+def test_a_sweep_has_a_directory_for_each_job(run, tmp_path):
+    status, stderr, jobs = run("seed=range(3)", "-m")
+    assert (status, stderr) == (0, "")
+    assert [config.seed for config, _ in jobs] == [0, 1, 2]
+    [sweep] = (tmp_path / "outputs" / "sweeps").iterdir()
+    assert [directory for _, directory in jobs] == [sweep / str(number) for number in range(3)]
+
+
+def assert_refused(outcome: Outcome, mistake: str) -> None:
+    assert outcome == (2, MISTAKES[mistake] + "\n", [])
+    written = {path.name for path in Path.cwd().rglob("*") if path.is_file()}
+    assert written <= {"config.yaml", "hydra.yaml", "overrides.yaml", "multirun.yaml"}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_line(run, mistake):
+    assert_refused(run(mistake), mistake)
+
+
+@pytest.mark.parametrize("mistake", ["lam=1.5", "lam=abc", "lamm=0.2", "+lamm=0.2", "value=nope"])
+def test_a_mistake_is_one_line_with_m(run, mistake):
+    assert_refused(run(mistake, "-m"), mistake)
+
+
+@pytest.mark.parametrize("arguments", UNFRIENDLY, ids=" ".join)
+def test_what_to_type_is_one_line(run, arguments):
+    assert run(*arguments) == (2, UNFRIENDLY[arguments] + "\n", [])
+
+
+def test_a_bad_job_of_a_sweep_is_named_and_nothing_runs(run):
+    status, stderr, jobs = run("lam=0.1,1.5,0.2", "seed=1", "-m")
+    assert (status, stderr) == (2, f"job 1 (lam=1.5 seed=1): lam=1.5: {UNIT}\n")
+    assert not jobs
+
+
+@pytest.mark.parametrize("flags", [[], ["-m"]], ids=["run", "multirun"])
+def test_a_jobs_own_refusal_is_one_line(run, flags):
+    def job(config, directory):
+        raise ConfigError("device=cuda: no GPU here,\nbut cpu works")
+
+    assert run(*flags, job=job) == (2, "device=cuda: no GPU here, but cpu works\n", [])
+
+
+def test_ctrl_c_is_one_line(run):
+    def job(config, directory):
+        raise KeyboardInterrupt
+
+    assert run(job=job) == (130, "interrupted\n", [])
+
+
+def test_a_file_that_cant_be_written_is_one_line(run):
+    def job(config, directory):
+        (directory / "nowhere" / "summary.json").write_text("")
+
+    status, stderr, _ = run(job=job)
+    assert (status, stderr.count("\n")) == (1, 1)
+    assert stderr.endswith("summary.json: No such file or directory\n")
+
+
+def test_a_bug_keeps_its_traceback(run):
+    def job(config, directory):
+        raise ZeroDivisionError("a bug")
+
+    with pytest.raises(ZeroDivisionError, match="a bug"):
+        run(job=job)
+
+
+def test_who_asks_hydra_for_tracebacks_gets_them(run, monkeypatch):
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    with pytest.raises(Exception, match="Error merging override lam=abc"):
+        run("lam=abc")
+
+
+def test_the_environment_is_left_as_it_was(run):
+    before = dict(os.environ)
+    run("lam=abc")
+    assert dict(os.environ) == before
+
+
+def test_no_two_starts_share_a_directory(run, tmp_path):
+    with ThreadPoolExecutor(16) as pool:
+        made = list(pool.map(fresh_directory, [str(tmp_path / "outputs" / "now")] * 64))
+    names = {Path(path).name for path in made}
+    assert names == {"now"} | {f"now_{number}" for number in range(2, 65)}
+    assert run().jobs[0][1] != run().jobs[0][1]
+
+
+def test_the_console_script_completes_keys():
+    arguments = [Path(sys.executable).with_name("fnnq-train"), "-sc", "query=bash"]
+    line = "fnnq-train env.circle"
+    asked = {"COMP_LINE": line, "COMP_POINT": str(len(line))}
+    ended = subprocess.run(arguments, env=os.environ | asked, capture_output=True, text=True)
+    assert ended.stdout.strip() == "env.circle_radius_m="
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["lam=1.5"], f"lam=1.5: {UNIT}"),
+        (["lam=0.1,1.5", "-m"], f"job 1 (lam=1.5): lam=1.5: {UNIT}"),
+    ],
+    ids=["run", "multirun"],
+)
+def test_the_check_comes_before_torch(tmp_path, arguments, told):
+    command = [sys.executable, "-X", "importtime", "-m", "fnnq_torchrl.train", *arguments]
+    ended = subprocess.run(
+        command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
+    )
+    *imports, line = ended.stderr.decode().splitlines()
+    assert (ended.returncode, ended.stdout, line) == (2, b"", told)
+    assert not {"torch", "scipy"} & {entry.split("|")[-1].strip() for entry in imports}
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="needs Unix")
+def test_a_signal_to_save_ends_no_command_that_has_nothing_to_save(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    answers = []
+
+    def job(config: Config, directory: Path) -> None:
+        os.kill(os.getpid(), signal.SIGUSR1)
+        with Interruptions(1e9) as interruptions:
+            os.kill(os.getpid(), signal.SIGUSR1)
+            answers.append(interruptions.due())
+        os.kill(os.getpid(), signal.SIGUSR2)
+
+    for number in (signal.SIGUSR1, signal.SIGUSR2):
+        signal.signal(number, signal.SIG_DFL)
+    monkeypatch.setattr(sys, "argv", ["train", f"hydra.run.dir={tmp_path}"])
+    try:
+        command(job)()
+    finally:
+        for number in (signal.SIGUSR1, signal.SIGUSR2):
+            signal.signal(number, signal.SIG_DFL)
+    assert answers == [True]

@@ -1,0 +1,150 @@
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fnnq_torchrl.studies.adaptive.command import main
+from fnnq_torchrl.studies.adaptive.page import write_page
+from fnnq_torchrl.studies.adaptive.scheme import held_back, read_scheme
+from fnnq_torchrl.studies.experiments import Experiment, Job, NoResults, newest_experiment
+from tests.experiment_files import Settings, grid, write_experiment
+
+ALPHAS = "0.1,0.2,0.4"
+JOBS = [
+    *grid({"step_size": "decay,obgd,alpha_bound", "alpha": ALPHAS, "lam": "0.2,0.8"}),
+    *grid({"alpha": ALPHAS, "lam": "0.2,0.8"}, "step_size=constant", "alpha_decay=1"),
+]
+STABILITY = grid(
+    # An empty text is False.
+    {"value.layer_norm": "1,", "step_size": "constant,obgd", "alpha": ALPHAS},
+    *("value=mlp", "lam=0.8", "alpha_decay=1"),
+)
+
+
+def level(settings: Settings) -> float:
+    """With ObGD α doesn't matter, and it is best; a constant is worst; the α bound is decay's."""
+    if settings["step_size"] == "obgd":
+        return 4.5
+    return 4.0 - 5 * abs(settings["alpha"] - 0.2) - 2 * (settings["step_size"] == "constant")
+
+
+def invented(directory: Path, name: str, jobs: list[tuple[str, ...]], runs: int = 60) -> Experiment:
+    write_experiment(directory / name / "2026-01-02_03-04-05", jobs, level, runs)
+    return newest_experiment(directory, name)
+
+
+@pytest.fixture(scope="module")
+def adaptive(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
+    return invented(tmp_path_factory.mktemp("outputs"), "adaptive", JOBS)
+
+
+@pytest.fixture(scope="module")
+def stability(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
+    return invented(tmp_path_factory.mktemp("outputs"), "stability", STABILITY)
+
+
+def test_the_best_alpha_is_chosen_by_one_half_and_judged_by_the_other(adaptive: Experiment) -> None:
+    scheme = read_scheme(adaptive, "decay", 0.2)
+    scores = [
+        adaptive.job(step_size="decay", lam=0.2, alpha=alpha).evaluations.mean_score
+        for alpha in (0.1, 0.2, 0.4)
+    ]
+    assert scheme.best_alpha == 0.2
+    assert scheme.at_best.tolist() == scores[1][30:].tolist()
+    np.testing.assert_allclose(scheme.over_alphas, sum(scores) / 3)
+    assert scheme.spread.value == pytest.approx((scores[1] - scores[2])[30:].mean())
+    assert scheme.spread.low < scheme.spread.value < scheme.spread.high
+    assert scheme.diverged == {0.1: 0, 0.2: 0, 0.4: 0}
+
+
+def with_steps(experiment: Experiment, step_size: str, alpha: float, factor: int) -> Experiment:
+    """The same, but that its runs with λ = 0.8 took other numbers of steps there."""
+
+    def changed(job: Job) -> Job:
+        of_job = (job.settings["step_size"], job.settings["alpha"], job.settings["lam"])
+        if of_job != (step_size, alpha, 0.8):
+            return job
+        evaluations = job.evaluations
+        return replace(job, evaluations=replace(evaluations, steps=factor * evaluations.steps))
+
+    return Experiment(experiment.name, [changed(job) for job in experiment.jobs])
+
+
+def test_an_alpha_bound_that_was_never_below_alpha_is_told(
+    adaptive: Experiment, stability: Experiment
+) -> None:
+    assert held_back(adaptive, 0.8) == []
+    assert write_page(adaptive, stability).count("The α bound was never below α here") == 2
+    changed = with_steps(adaptive, "alpha_bound", 0.4, 2)
+    assert (held_back(changed, 0.2), held_back(changed, 0.8)) == ([], [0.4])
+    page = write_page(changed, stability)
+    assert page.count("The α bound was never below α here") == 1
+    assert "The α bound was below α with α = 0.4; with the others its runs are those" in page
+
+
+def test_the_page_says_what_the_results_say(adaptive: Experiment, stability: Experiment) -> None:
+    page, _, perceptron = write_page(adaptive, stability).partition("## With a multilayer")
+    sentences = dict(re.findall(r"\* \*\*(.*)\*\*, against decaying α: (.*)", page))
+    assert sentences["ObGD"].startswith("each at its best α, it scores more; over all α, more.")
+    assert re.search(r"spread is -?0\.0\d* \[.*\] catches, the other's 0\.9", sentences["ObGD"])
+    assert sentences["constant α"].startswith("each at its best α, it scores less; over all")
+    assert "scores the same, to within 0.1" in sentences["α bound"]
+    assert page.count("| decaying α | 0.00 | 0.2 |") == 2
+    assert page.count("No run diverged.") == 2
+    sections = perceptron.split("###")
+    assert len(sections) == 3
+    for section in sections[1:]:
+        assert "diverged, over all α: with constant α 0 of 180, with ObGD 0 of 180." in section
+        assert "* **ObGD**, against constant α: each at its best α, it scores more;" in section
+    assert "with α from 0.1 to 0.4 and 60 seeds each" in " ".join(perceptron.split())
+    assert "nan" not in page + perceptron
+    assert "{" not in page + perceptron
+
+
+def test_diverged_runs_are_shown_by_alpha(adaptive: Experiment, stability: Experiment) -> None:
+    of_job = {"step_size": "constant", "alpha": 0.4, "value.layer_norm": False}
+    job = stability.job_with(of_job)
+    diverged = np.zeros_like(job.evaluations.diverged)
+    diverged[:7, -1] = True
+    worse = replace(job, evaluations=replace(job.evaluations, diverged=diverged))
+    jobs = [worse if each is job else each for each in stability.jobs]
+    page = write_page(adaptive, Experiment("stability", jobs))
+    assert (
+        "| diverged, of 60 runs | α = 0.1 | α = 0.2 | α = 0.4 |\n| --- | --- | --- | --- |\n"
+        "| constant α | 0 | 0 | 7 |\n| ObGD | 0 | 0 | 0 |\n"
+    ) in page
+    assert "diverged, over all α: with constant α 7 of 180, with ObGD 0 of 180." in page
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    experiments = [
+        invented(tmp_path, name, jobs, runs=4)
+        for name, jobs in {"adaptive": JOBS, "stability": STABILITY}.items()
+    ]
+    to = tmp_path / "docs"
+    monkeypatch.setattr(
+        "fnnq_torchrl.studies.adaptive.command.draw", lambda what, where: where.mkdir(parents=True)
+    )
+    monkeypatch.setattr("sys.argv", ["adaptive", "--results", str(tmp_path), "--to", str(to)])
+    main()
+    assert (to / "adaptive.md").read_text() == write_page(*experiments)
+
+
+def test_what_is_missing_is_one_line(
+    tmp_path: Path, stability: Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["adaptive", "--results", str(tmp_path)])
+    with pytest.raises(SystemExit, match=r"adaptive has no finished results: .*=adaptive$"):
+        main()
+    few = invented(tmp_path, "adaptive", JOBS, runs=3)
+    with pytest.raises(ValueError, match=r"^3 runs are too few to choose by half"):
+        write_page(few, stability)
+    with pytest.raises(SystemExit, match=r"stability has no finished results: .*=stability$"):
+        main()
+
+
+def test_a_missing_job_is_told(tmp_path: Path, stability: Experiment) -> None:
+    with pytest.raises(NoResults, match=r"0 jobs with step_size=constant lam=0\.8 alpha=0\.4"):
+        write_page(invented(tmp_path, "adaptive", JOBS[:-1], runs=4), stability)

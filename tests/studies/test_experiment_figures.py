@@ -1,0 +1,121 @@
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.text import Text
+
+from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
+from fnnq_torchrl.studies.figures.command import main
+from fnnq_torchrl.studies.figures.gallery import FIGURES, draw
+from fnnq_torchrl.studies.figures.job_words import change_words, job_words
+from fnnq_torchrl.studies.figures.lines import lines_figure
+from fnnq_torchrl.studies.figures.readings import norms
+from fnnq_torchrl.studies.measures import MEASURES
+from fnnq_torchrl.studies.statistics import bootstrap_interval
+from tests.experiment_files import grid, write_experiment
+from tests.studies.test_figures import texts
+
+Experiments = dict[str, Experiment]
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_nothing_is_clipped_and_no_words_collide(name: str, experiments: Experiments) -> None:
+    experiment, picture = FIGURES[name]
+    figure = picture(experiments[experiment])
+    shown = texts(figure)
+    boxes = [Text.get_window_extent(text) for text in shown]
+    width, height = figure.bbox.size
+    for index, box in enumerate(boxes):
+        assert box.x0 >= 0
+        assert box.y0 >= 0
+        assert box.x1 <= width
+        assert box.y1 <= height
+        hit = [other for other in range(index + 1, len(boxes)) if box.overlaps(boxes[other])]
+        assert not hit, [shown[i].get_text() for i in (index, *hit)]
+    words = " ".join(text.get_text() for text in shown)
+    assert re.search("(12|110) runs", words)
+    assert "interval" in words
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_every_axis_says_what_it_shows(name: str, experiments: Experiments) -> None:
+    experiment, picture = FIGURES[name]
+    for axes in picture(experiments[experiment]).axes:
+        assert axes.get_ylabel() or axes.get_yticklabels()
+        assert axes.get_xlabel() or axes.get_ylabel()  # a scale of colours has one only
+
+
+def test_lines_and_bands_are_the_files_means_and_intervals(experiments: Experiments) -> None:
+    experiment = experiments["decay"]
+    left, right = lines_figure(
+        experiment, "alpha_decay", "alpha", ["final_score", "forgetting"]
+    ).axes
+    for axes, measure in ((left, "final_score"), (right, "forgetting")):
+        for line, alpha in zip(axes.lines, [0.1, 0.4], strict=True):
+            jobs = [experiment.job(alpha=alpha, alpha_decay=d) for d in (0.9, 0.97, 0.99, 0.997, 1)]
+            scores = [MEASURES[measure].of(job.evaluations) for job in jobs]
+            assert line.get_ydata().tolist() == [bootstrap_interval(np.mean, s)[0] for s in scores]
+        ticks = [label.get_text() for label in axes.get_xticklabels()]
+        assert ticks == ["0.9", "0.97", "0.99", "0.997", "1"]
+
+
+def test_the_norms_lie_where_they_are_drawn(experiments: Experiments) -> None:
+    norm = norms(experiments["traces"])
+    assert norm.argmin() % 201 == pytest.approx(100, abs=10)  # five labels overlap straight ahead
+    assert norm[0, 0] == pytest.approx(norm.max())  # one rule has nearly all at the corners
+    np.testing.assert_allclose(norm, norm[::-1, ::-1], rtol=1e-6)
+
+
+def test_rows_name_what_sets_them_apart(experiments: Experiments) -> None:
+    rows = [job_words(e, job) for e in [experiments["exploration"]] for job in e.jobs]
+    assert rows[0] == "ε-greedy, ε = 0"
+    assert rows[-1] == "additive noise, σ = 1"
+    variants = experiments["variants"]
+    assert job_words(variants, variants.jobs[-1], "lam") == "Peng, finite window, steps = 5"
+    choices = experiments["open_choices"]
+    rows = [change_words(choices, job, "lam") for job in choices.jobs]
+    assert rows[0] == rows[1] == "default"
+    assert rows[2] == "V₀ = 0.2 m/s"
+    assert "step h by gradient" in rows
+    assert len(set(rows)) == len(rows) / 2
+
+
+def test_one_run_has_no_interval_but_a_picture(tmp_path: Path) -> None:
+    jobs = grid({"trace": "output,gradient", "lam": "0,0.3"})
+    write_experiment(tmp_path / "traces" / "2026-01-02_03-04-05", jobs, lambda settings: 3, runs=1)
+    traces = newest_experiment(tmp_path, "traces")
+    files = draw({"traces": traces}, tmp_path / "figures")
+    assert [path.name for path in files] == ["traces.png", "traces.svg"]
+    assert all(path.stat().st_size > 1000 for path in files)
+
+
+def test_the_same_results_give_the_same_files(experiments: Experiments, tmp_path: Path) -> None:
+    fig3 = {"fig3": experiments["fig3"]}
+    first, second = (draw(fig3, tmp_path / folder) for folder in ("one", "two"))
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_the_command(
+    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    arguments = ["--results", str(results), "--to", str(tmp_path)]
+    monkeypatch.setattr("sys.argv", ["figures", "fig3", *arguments])
+    main()
+    assert {path.name for path in tmp_path.iterdir()} == {"fig3.png", "fig3.svg"}
+    monkeypatch.setattr("sys.argv", ["figures", "fig7", *arguments])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    assert "there is no figure fig7; there is fig2, fig3" in capsys.readouterr().err
+    monkeypatch.setattr("sys.argv", ["figures", "fig3", "--results", str(tmp_path)])
+    with pytest.raises(SystemExit, match="fig3 has no finished results"):
+        main()
+
+
+def test_a_missing_combination_is_told(tmp_path: Path) -> None:
+    jobs = grid({"trace": "output,gradient", "lam": "0,0.3"})[:-1]
+    write_experiment(tmp_path / "traces" / "2026-01-02_03-04-05", jobs, lambda settings: 3, runs=2)
+    with pytest.raises(NoResults, match=r"0 jobs with lam=0\.3 trace=gradient"):
+        FIGURES["traces"][1](newest_experiment(tmp_path, "traces"))

@@ -1,0 +1,167 @@
+"""The order of the rooms, read off the import statements: imports go down only."""
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from graphlib import TopologicalSorter
+from importlib.metadata import packages_distributions
+from importlib.util import resolve_name
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+ROOMS = [
+    {"envs"},
+    {"fnnq_torchrl.equations"},
+    {"fnnq_torchrl.files"},
+    {"fnnq_torchrl.config"},
+    {"fnnq_torchrl.agent", "fnnq_torchrl.engine"},
+    {"fnnq_torchrl.training"},
+    {"fnnq_torchrl.launch", "hydra_plugins"},
+    {"fnnq_torchrl.studies"},
+    {"fnnq_torchrl"},
+]
+"""From the ground up. Those on one floor don't know each other; the top has the commands."""
+
+ONE_ROOM = {"hydra_plugins": "fnnq_torchrl.launch"}
+"""Where Hydra looks for plugins is a place of its own."""
+
+# Who may import a library that is slow to load, or belongs at the edge.
+ONLY_IN = {
+    "gymnasium": ["envs.gymnasium"],
+    "hydra": ["fnnq_torchrl.launch", "hydra_plugins"],
+    "matplotlib": ["fnnq_torchrl.training.pictures", "fnnq_torchrl.studies"],
+    "submitit": ["fnnq_torchrl.launch.cluster"],
+    "mlflow": ["fnnq_torchrl.training.loggers.mlflow"],
+    "PIL": ["fnnq_torchrl.training.loggers.tensorboard"],
+    "wandb": ["fnnq_torchrl.training.loggers"],
+}
+
+# Of an extra, and imported only where a user asks for it.
+OPTIONAL = {"PIL", "gymnasium", "mlflow", "submitit", "wandb"}
+
+PACKAGES = ("envs", "fnnq_torchrl", "hydra_plugins")
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+FILES = {
+    module_name(path): path
+    for package in PACKAGES
+    for path in sorted((ROOT / package).rglob("*.py"))
+}
+
+
+def lies_in(module: str, place: str) -> bool:
+    return module == place or module.startswith(f"{place}.")
+
+
+def room(module: str) -> str:
+    places = [place for floor in ROOMS for place in floor if lies_in(module, place)]
+    place = max(places, key=len)
+    return ONE_ROOM.get(place, place)
+
+
+def floor(module: str) -> int:
+    return next(height for height, floor in enumerate(ROOMS) if room(module) in floor)
+
+
+def imports(module: str) -> set[str]:
+    """Every name that the module's file imports, at its top or later: modules and what is in them.
+
+    `from a.b import c` counts as a.b.c, since c may be a module; `own` tells which it is.
+    """
+    package = module if FILES[module].name == "__init__.py" else module.rpartition(".")[0]
+    names = set()
+    for node in ast.walk(ast.parse(FILES[module].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            source = resolve_name("." * node.level + (node.module or ""), package)
+            names |= {f"{source}.{alias.name}" for alias in node.names}
+    return names
+
+
+def own(name: str) -> str | None:
+    """The module of ours that an imported name lies in, or None."""
+    while name and name not in FILES:
+        name = name.rpartition(".")[0]
+    return name or None
+
+
+def own_imports(module: str) -> set[str]:
+    return {target for name in imports(module) if (target := own(name))} - {module}
+
+
+def importers(library: str) -> set[str]:
+    return {
+        module for module in FILES if any(name.split(".")[0] == library for name in imports(module))
+    }
+
+
+@pytest.mark.parametrize("module", FILES)
+def test_imports_go_down_only(module: str) -> None:
+    above = {
+        target
+        for target in own_imports(module)
+        if room(target) != room(module) and floor(target) >= floor(module)
+    }
+    assert not above
+
+
+def test_no_import_cycle() -> None:
+    TopologicalSorter({module: own_imports(module) for module in FILES}).prepare()
+
+
+def test_at_the_top_of_the_package_there_are_rooms_and_commands_only() -> None:
+    package = ROOT / "fnnq_torchrl"
+    rooms = {place.partition(".")[2] for floor in ROOMS for place in floor} - {""}
+    folders = {path.parent.name for path in package.glob("*/__init__.py")}
+    assert folders == rooms
+    commands = {path.stem for path in package.glob("*.py")} - {"__init__"}
+    for command in commands:
+        assert (
+            'if __name__ == "__main__":\n    main()\n'
+            in FILES[f"fnnq_torchrl.{command}"].read_text()
+        )
+
+
+@pytest.mark.parametrize("library", ONLY_IN)
+def test_a_library_is_imported_in_its_place_only(library: str) -> None:
+    places = ONLY_IN[library]
+    assert not {
+        module
+        for module in importers(library)
+        if not any(lies_in(module, place) for place in places)
+    }
+
+
+def test_the_declared_dependencies_are_what_is_imported() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    declared = {re.split("[<>=]", requirement)[0] for requirement in project["dependencies"]}
+    libraries = {name.split(".")[0] for module in FILES for name in imports(module)}
+    libraries -= sys.stdlib_module_names | set(PACKAGES) | OPTIONAL
+    distributions = packages_distributions()
+    assert {distributions[library][0] for library in libraries} == declared
+
+
+LIGHT = [
+    "envs.core.parameters",
+    "envs.robot.schemas",
+    "fnnq_torchrl",
+    "fnnq_torchrl.config.schema",
+    "fnnq_torchrl.training.results",
+    "fnnq_torchrl.studies.statistics",
+]
+
+
+def test_configuration_and_statistics_import_no_torch() -> None:
+    script = f"import sys, {', '.join(LIGHT)}; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=False).returncode == 0

@@ -1,0 +1,330 @@
+"""What is logged to Weights & Biases, read back from the files of its offline runs."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import wandb
+from wandb.errors import AuthenticationError, CommError
+
+from fnnq_torchrl.config.loggers import WandbConfig
+from fnnq_torchrl.config.schema import PER_RUN, ConfigError, flat
+from fnnq_torchrl.training.intervals import mean_interval
+from fnnq_torchrl.training.jobs import Job
+from fnnq_torchrl.training.loggers import JobResults, Loggers, SweepResults
+from fnnq_torchrl.training.loggers import wandb as wandb_module
+from fnnq_torchrl.training.loggers.wandb_file import is_whole
+from fnnq_torchrl.training.results import EVALUATION_COLUMNS
+from tests.job_files import keys_read, write_job
+from tests.training.loggers.wandb_files import WandbRun, read_wandb_runs
+
+KEY = "0" * 40
+
+
+@pytest.fixture(autouse=True)
+def nobody_logged_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A user whom wandb doesn't know, and no settings of theirs."""
+    for name in [name for name in os.environ if name.startswith("WANDB")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("NETRC", str(tmp_path / "no.netrc"))
+    Loggers.forget()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def wandbs_process() -> Iterator[None]:
+    """Ended with the last test that it has served."""
+    yield
+    wandb.teardown()
+
+
+def logged(job: Job) -> list[WandbRun]:
+    loggers = Loggers(job.config.logger)
+    loggers.log_jobs([job])
+    assert not loggers.left_out
+    wandb.teardown()  # until then, not all of it need be on the disk
+    return read_wandb_runs(job.directory)
+
+
+def rows_of_csv(job: Job) -> list[dict[str, float]]:
+    with open(job.directory / "evaluations.csv", newline="") as file:
+        return [
+            {key: json.loads(value) for key, value in row.items()} for row in csv.DictReader(file)
+        ]
+
+
+def test_one_wandb_run_for_each_of_22_runs_has_all_rows(tmp_path: Path) -> None:
+    directory = tmp_path / "sweep" / "3"
+    job = write_job(
+        *(directory, "num_seeds=22", "seed=7", "lam=0.4", "logger=wandb", "logger.wandb.per=run"),
+        "logger.wandb.tags=[one,two]",
+        sweep=directory.parent,
+    )
+    runs = logged(job)
+    # The file numbers its seeds from 0.
+    by_seed = {int(run.name.removeprefix("seed=").partition(" ")[0]) - 7: run for run in runs}
+    found = [
+        {"seed": seed, "lam": run.config["lam"]}
+        | {key: row[key] for key in EVALUATION_COLUMNS if key in row}
+        for seed, run in sorted(by_seed.items())
+        for row in run.history
+    ]
+    assert len(runs) == 22
+    assert found == rows_of_csv(job)
+    for seed, run in by_seed.items():
+        assert (run.group, run.job_type, run.tags) == ("sweep", "train", ["one", "two"])
+        assert run.name == f"seed={seed + 7} lam=0.4"
+        assert {key: run.config[key] for key in PER_RUN} == {
+            key: getattr(job.config, key) for key in PER_RUN
+        } | {"seed": seed + 7}
+        assert run.config["env"] == JobResults(job).settings["env"]
+        assert run.exit_code == 0
+        assert [row["_step"] for row in run.history] == [row["situations"] for row in run.history]
+    assert sum("learning_curve.path" in run.history[-1] for run in runs) == 1
+
+
+def test_one_wandb_run_for_a_job_has_curve_band_tables_and_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = write_job(tmp_path / "job", "num_seeds=22", "logger=wandb")
+    results = JobResults(job)
+    read = keys_read(WandbConfig, monkeypatch)
+    [run] = logged(job)
+    assert read == WandbConfig.__dataclass_fields__.keys()
+    assert (run.group, run.name, run.job_type) == ("job", "job", "train")
+    assert flat(run.config).items() >= flat(results.settings | {"value": {}}).items()
+    catches = results.evaluations.catches
+    mean, low, high = mean_interval(catches)
+    for name, column in {"score": mean, "score_low": low, "score_high": high}.items():
+        assert [row[name] for row in run.history] == column.tolist()
+    assert [row["situations"] for row in run.history] == results.evaluations.situations.tolist()
+    assert run.summary["mean_score"] == results.summary["mean_score"]
+    assert {"evaluations.csv", "summary.json"} <= run.files
+
+    [folder] = (tmp_path / "job").glob("wandb/offline-run-*/files")
+    [picture] = folder.glob("media/images/learning_curve_*.png")
+    assert picture.read_bytes() == (tmp_path / "job" / "learning_curve.png").read_bytes()
+    copy, original = folder / "evaluations.csv", job.directory / "evaluations.csv"
+    assert copy.read_bytes() == original.read_bytes()
+    [table] = map(json.loads, (path.read_text() for path in folder.glob("media/table/each*")))
+    row = dict(zip(table["columns"], table["data"][21], strict=True))
+    assert (row["seed"], row["mean_score"]) == (21, catches[21, 1:].mean())
+
+
+def test_a_sweep_has_a_wandb_run_of_its_own(tmp_path: Path) -> None:
+    job = write_job(
+        *(tmp_path / "0", "num_seeds=2", "logger=wandb", "logger.wandb.per=sweep"), sweep=tmp_path
+    )
+    (tmp_path / "learning_curves.png").write_bytes(
+        (tmp_path / "0" / "learning_curve.png").read_bytes()
+    )
+    (tmp_path / "summary.csv").write_text("job,variant,mean_score\n0,peng,2.5\n1,naive,\n")
+    assert logged(job) == []
+    Loggers(job.config.logger).log_sweep(SweepResults(tmp_path, jobs=2))
+    wandb.teardown()
+    [run] = read_wandb_runs(tmp_path)
+    assert (run.group, run.job_type) == (tmp_path.name, "sweep")
+    assert run.history[0]["learning_curves._type"] == "image-file"
+    assert run.files >= {"summary.csv"}
+    [table] = tmp_path.glob("wandb/offline-run-*/files/media/table/jobs*")
+    assert json.loads(table.read_text())["data"] == [[0, "peng", 2.5], [1, "naive", None]]
+
+
+def loggers(*overrides: str, tmp_path: Path) -> Loggers:
+    return Loggers(write_job(tmp_path / "job", "logger=wandb", *overrides).config.logger)
+
+
+@pytest.mark.parametrize(
+    ("override", "variables", "line"),
+    [
+        (
+            "logger.wandb.mode=online",
+            {},
+            "logger.wandb.mode=online: nobody is logged in; `wandb login` or WANDB_API_KEY do that",
+        ),
+        (
+            "logger.wandb.mode=auto",
+            {"WANDB_MODE": "online"},
+            "WANDB_MODE=online: nobody is logged in; `wandb login` or WANDB_API_KEY do that",
+        ),
+        ("logger.wandb.mode=auto", {"WANDB_API_KEY": "short"}, "logger=wandb: WANDB_API_KEY inv"),
+    ],
+)
+def test_what_cant_be_logged_online_is_one_line(
+    override: str,
+    variables: dict[str, str],
+    line: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(ConfigError) as refused:
+        loggers(override, tmp_path=tmp_path)
+    assert str(refused.value).startswith(line)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("asked", "variables", "mode"),
+    [
+        ("auto", {}, "offline"),
+        ("auto", {"WANDB_API_KEY": KEY}, "online"),
+        ("auto", {"WANDB_API_KEY": KEY, "WANDB_MODE": "offline"}, "offline"),
+        ("offline", {"WANDB_API_KEY": KEY}, "offline"),
+        ("online", {"WANDB_API_KEY": KEY, "WANDB_MODE": "offline"}, "online"),
+    ],
+)
+def test_online_for_who_is_logged_in(
+    asked: str, variables: dict[str, str], mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    assert wandb_module._mode(asked)[0] == mode
+
+
+def test_wandb_offline_is_heeded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The command of that name sets it in a file, as ``wandb online`` unsets it."""
+    monkeypatch.setenv("WANDB_API_KEY", KEY)
+    monkeypatch.setenv("WANDB_CONFIG_DIR", str(tmp_path))
+    for mode, line in (("offline", "mode = offline"), ("online", "")):
+        (tmp_path / "settings").write_text(f"[default]\n{line}\n")
+        wandb.teardown()  # which has read them by now
+        assert wandb_module._mode("auto") == (mode, True)
+        assert wandb_module._mode("online") == ("online", True)
+    wandb.teardown()
+
+
+def test_a_login_is_found_in_netrc(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("NETRC", str(tmp_path / "netrc"))
+    monkeypatch.setenv("WANDB_BASE_URL", "https://wandb.example")
+    (tmp_path / "netrc").write_text(f"machine wandb.example login user password {KEY}\n")
+    wandb.teardown()  # which has read the server's address by now
+    assert wandb_module._mode("auto") == ("online", True)
+    wandb.teardown()
+
+
+def test_the_user_is_told_what_to_expect(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    job = write_job(tmp_path, "num_seeds=1000", "logger=wandb", "logger.wandb.per=run")
+    Loggers(job.config.logger).foresee([job])
+    assert capfd.readouterr().err.splitlines() == [
+        "wandb: nobody is logged in, so it logs offline; `wandb sync` uploads it later",
+        "wandb: 1,000 wandb runs, which take about 50 s to log; logger.wandb.per=job makes fewer",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (
+            CommError("timed out"),
+            "can't reach its server, so it logs offline from now on: timed out",
+        ),
+        (
+            AuthenticationError("401\nUnauthorized"),
+            "is refused by its server, so it logs offline from now on: 401",
+        ),
+    ],
+    ids=["unreachable", "refused"],
+)
+def test_a_server_that_is_no_use_is_told_of_and_done_without(
+    error: CommError,
+    told: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("WANDB_API_KEY", KEY)
+    init = wandb.init
+
+    def offline_only(mode: str, **settings: object) -> wandb.Run:
+        if mode == "online":
+            raise error
+        return init(mode=mode, **settings)
+
+    monkeypatch.setattr(wandb, "init", offline_only)
+    job = write_job(tmp_path, "num_seeds=2", "logger=wandb")
+    assert len(logged(job)) == 1
+    assert capfd.readouterr().err == f"wandb: {told}\n"
+
+
+def test_a_server_that_is_slow_in_the_end_is_told_of_once(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    finish = wandb.Run.finish
+
+    def slow(run: wandb.Run) -> None:
+        finish(run)
+        raise TimeoutError("Timed out finishing run.")
+
+    monkeypatch.setattr(wandb.Run, "finish", slow)
+    overrides = ("logger=wandb", "logger.wandb.per=run", "logger.wandb.mode=offline")
+    assert len(logged(write_job(tmp_path, "num_seeds=3", *overrides))) == 3
+    assert capfd.readouterr().err == (
+        "wandb: its server took longer than 60 s, so it logs offline from now on; "
+        "`wandb sync` uploads what is missing\n"
+    )
+
+
+def test_files_that_are_cut_short_are_told_of_at_the_end(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    overrides = ("logger=wandb", "logger.wandb.per=run", "logger.wandb.mode=offline")
+    job = write_job(tmp_path, "num_seeds=3", *overrides)
+    Loggers.of(job.config.logger).log_jobs([job])
+    wandb.teardown()
+    files = sorted(tmp_path.glob("wandb/offline-run-*/*.wandb"))
+    assert [is_whole(file) for file in files] == [True] * 3
+    content = files[1].read_bytes()
+    files[1].write_bytes(content[: len(content) // 2])
+    Loggers.close_all()
+    assert capfd.readouterr().err == (
+        f"wandb has failed at its end: 1 of its 3 files are cut short, as {files[1]}\n"
+    )
+    files[1].write_bytes(content[:-1])
+    assert not is_whole(files[1])
+
+
+def test_a_disk_that_is_full_for_wandb_leaves_the_results(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def full(*arguments: object, **settings: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(wandb.Run, "log", full)
+    job = write_job(tmp_path, "num_seeds=2", "logger=wandb")
+    loggers = Loggers(job.config.logger)
+    loggers.log_jobs([job, job])
+    assert loggers.left_out == {"wandb"}
+    [line] = capfd.readouterr().err.splitlines()
+    assert line.endswith("which has failed: [Errno 28] No space left on device")
+
+
+def test_nothing_is_asked_though_there_is_nobody_to_answer(tmp_path: Path) -> None:
+    """As from cron: no standard input, no terminal, no login."""
+    write_job(tmp_path)
+    script = f"""
+from pathlib import Path
+from fnnq_torchrl.training.jobs import Job
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.loggers import Loggers
+job = Job(load_config("situations=40", "logger=wandb"), Path({str(tmp_path)!r}))
+loggers = Loggers(job.config.logger)
+loggers.foresee([job])
+loggers.log_jobs([job])
+"""
+    ended = subprocess.run(
+        ["sh", "-c", 'exec "$0" -c "$1" <&-', sys.executable, script],
+        env=os.environ | {"HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    told = "wandb: nobody is logged in, so it logs offline; `wandb sync` uploads it later\n"
+    assert (ended.stdout, ended.stderr) == ("", told)
+    [run] = read_wandb_runs(tmp_path)
+    assert len(run.history) == 9

@@ -1,0 +1,250 @@
+"""Training that was interrupted goes on to the same end, bit for bit."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tensordict import TensorDictBase
+
+from fnnq_torchrl.config.schema import Config, ConfigError, run_columns
+from fnnq_torchrl.engine.loops import Loop, MakeLoop, MakeStep
+from fnnq_torchrl.files import plain
+from fnnq_torchrl.files.plain import read_plain
+from fnnq_torchrl.training.results import Outcome
+from fnnq_torchrl.training.resume.interruptions import Interrupted, Interruptions
+from fnnq_torchrl.training.resume.keeper import HandsKeeper
+from fnnq_torchrl.training.resume.saved import FORMAT, SavedTraining
+from fnnq_torchrl.training.trainer import Trainer
+from tests.programs import config
+
+RUNS = 70
+JOB = config(f"num_seeds={RUNS}", "situations=20", "engine=compiled")
+
+
+class Stop(Interruptions):
+    """Asks for a save at a visit, and ends the work there."""
+
+    def __init__(self, at: int) -> None:
+        super().__init__(1e9)
+        self.visits_left = at
+
+    def due(self) -> bool:
+        self.visits_left -= 1
+        return self.visits_left <= 0
+
+    @property
+    def ending(self) -> bool:
+        return self.visits_left <= 0
+
+    def saved(self) -> None:
+        raise Interrupted(15)
+
+
+@cache
+def loop_of(engine: MakeLoop, *keys: str) -> list[Loop]:
+    """Of the learner or the test: what is traced is the same for every trainer."""
+    return []
+
+
+def make_trainer(job: Config, columns: dict[str, list[float]] | None = None) -> Trainer:
+    """On few lanes, so that runs take turns; what was compiled before isn't again."""
+    trainer = Trainer(job, columns)
+    make_loop = trainer.engine.make_loop
+
+    def make_once(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+        made = loop_of(make_loop, *state.keys())
+        if not made:
+            made.append(make_loop(make_step, stays, state))
+        return made[0]
+
+    trainer.engine = replace(trainer.engine, make_loop=make_once, most_lanes=32, workers=2)
+    return trainer
+
+
+def go_on(trainer: Trainer, directory: Path, stop_at: int) -> Outcome | None:
+    """From where it was saved to its end or, if it is interrupted at that visit, to there: None."""
+    saved = SavedTraining(directory, trainer.config, trainer.engine.name)
+    saved.load(trainer)
+    keeper = HandsKeeper(Stop(stop_at), partial(saved.save, trainer.ledger))
+    try:
+        trainer.learn(keeper=keeper)
+        outcome = trainer.evaluate(keeper=keeper)
+        keeper.finish()
+    except Interrupted:
+        return None
+    return outcome
+
+
+NEVER = 10**9
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory: pytest.TempPathFactory, compiler: None):
+    trainer = make_trainer(JOB)
+    return go_on(trainer, tmp_path_factory.mktemp("whole"), NEVER), trainer.weights
+
+
+def assert_same(outcome: Outcome, trainer: Trainer, expected, runs: slice = slice(None)) -> None:
+    whole, weights = expected
+    for name in ("seed", "lam", "steps", "catches"):
+        assert np.array_equal(getattr(outcome, name), getattr(whole, name)[runs]), name
+    assert torch.equal(trainer.weights["weight"], weights["weight"][runs])
+
+
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=3))
+@settings(max_examples=15)
+def test_an_interrupted_training_comes_to_the_same_end(
+    tmp_path_factory: pytest.TempPathFactory, uninterrupted, stops: list[int]
+) -> None:
+    directory = tmp_path_factory.mktemp("job")
+    for stop in (*stops, NEVER):
+        trainer = make_trainer(JOB)
+        outcome = go_on(trainer, directory, stop)
+    assert_same(outcome, trainer, uninterrupted)
+
+
+def test_nothing_that_is_done_is_done_again(tmp_path: Path, uninterrupted) -> None:
+    first = make_trainer(JOB)
+    assert go_on(first, tmp_path, stop_at=6) is None
+    again = make_trainer(JOB)
+    assert SavedTraining(tmp_path, JOB, "compiled").load(again)
+    learned = again.ledger.learned
+    assert 0 < int(learned.sum()) < RUNS * JOB.situations
+    assert (learned <= first.ledger.learned).all()  # the other worker was amid its steps
+    assert again.ledger.seconds["train"] > 0
+    begun = torch.cat([jobs for jobs, _ in again.ledger.hands])
+    assert (learned[begun] < JOB.situations).any()
+
+
+def in_hand(directory: Path) -> dict[int, int]:
+    """The situations that each run has learned from, of those that have begun and aren't done."""
+    ledger = read_plain(directory / "training.pt", FORMAT, "a saved training")["ledger"]
+    found = {}
+    for jobs, state in ledger["hands"]:
+        learned = ledger["learned"][jobs] < JOB.situations
+        pairs = zip(jobs[learned].tolist(), state["situations"][learned].tolist(), strict=True)
+        for run, [situations] in pairs:
+            assert run not in found
+            found[run] = situations
+    return found
+
+
+@pytest.mark.parametrize("workers", [2, 1])
+def test_what_nobody_has_gone_on_with_yet_stays_saved(
+    tmp_path: Path, compiler: None, workers: int
+) -> None:
+    first, again = make_trainer(JOB), make_trainer(JOB)
+    first.engine = replace(first.engine, most_lanes=64, workers=1)
+    assert go_on(first, tmp_path, stop_at=3) is None
+    before = in_hand(tmp_path)
+    assert len(before) == 64
+    again.engine = replace(again.engine, most_lanes=32, workers=workers)
+    assert go_on(again, tmp_path, stop_at=1) is None
+    after = in_hand(tmp_path)
+    done = {run for run in before if again.ledger.learned[run] == JOB.situations}
+    assert before.keys() <= after.keys() | done
+    assert all(after[run] >= before[run] for run in before.keys() & after.keys())
+    assert sum(after.values()) > sum(before.values())
+
+
+def test_a_part_of_the_runs_can_go_on_alone(tmp_path: Path, uninterrupted) -> None:
+    assert go_on(make_trainer(JOB), tmp_path, stop_at=9) is None
+    runs = slice(30, 60)
+    part = replace(JOB, num_seeds=30)
+    trainer = make_trainer(part, {key: of[runs] for key, of in run_columns(JOB).items()})
+    assert SavedTraining(tmp_path, part, "compiled").load(trainer)
+    assert trainer.ledger.learned.any()
+    trainer.learn()
+    assert_same(trainer.evaluate(), trainer, uninterrupted, runs)
+
+
+@pytest.fixture
+def saved(tmp_path: Path, compiler: None) -> Path:
+    trainer = Trainer(JOB)
+    training = SavedTraining(tmp_path, JOB, trainer.engine.name)
+    training.save(trainer.ledger, [])
+    return training.path
+
+
+@pytest.mark.parametrize(
+    ("job", "engine"),
+    [
+        (replace(JOB, trace="gradient"), "compiled"),
+        (replace(JOB, situations=25), "compiled"),
+        (JOB, "eager"),
+        (replace(JOB, num_seeds=RUNS + 1), "compiled"),
+        (replace(JOB, seed=1), "compiled"),
+        (replace(JOB, lam=0.5), "compiled"),
+    ],
+    ids=["trace", "situations", "engine", "more runs", "seeds", "lam"],
+)
+def test_another_trainings_file_is_refused(saved: Path, job: Config, engine: str) -> None:
+    trainer = Trainer(job)
+    with pytest.raises(ConfigError, match=r"another configuration.*; .*resume=never") as refused:
+        SavedTraining(saved.parent, job, engine).load(trainer)
+    assert len(str(refused.value).splitlines()) == 1
+    assert str(refused.value).count("resume=never") == 1
+    assert not trainer.ledger.learned.any()
+
+
+@pytest.mark.parametrize(
+    "job",
+    [replace(JOB, resume="never"), replace(JOB, checkpoint=replace(JOB.checkpoint, every_s=1.0))],
+    ids=["resume", "checkpoint"],
+)
+def test_what_learning_does_not_depend_on_does_not_matter(saved: Path, job: Config) -> None:
+    assert SavedTraining(saved.parent, job, "compiled").load(Trainer(job))
+
+
+def test_another_pytorchs_file_is_refused(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch, "__version__", "0.4")
+    with pytest.raises(ConfigError, match=r"or PyTorch; .*resume=never"):
+        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB))
+
+
+DAMAGE: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda data: b"",
+    "cut short": lambda data: data[: len(data) // 2],
+    "foreign": lambda data: b"seed,lam\n1,2\n",
+    "bits flipped": lambda data: (
+        data[:200] + bytes(byte ^ 0xFF for byte in data[200:260]) + data[260:]
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_file_is_told_in_one_line(saved: Path, damage: str) -> None:
+    saved.write_bytes(DAMAGE[damage](saved.read_bytes()))
+    with pytest.raises(ConfigError, match=r"training\.pt is not .*resume=never") as refused:
+        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB))
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_file_that_would_run_code_is_refused(saved: Path) -> None:
+    class Code:
+        def __reduce__(self):
+            return (pytest.fail, ("ran code",))
+
+    torch.save({"format": 1, "identity": "", "ledger": Code()}, saved)
+    with pytest.raises(ConfigError, match="is not a saved training"):
+        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a full disk")
+def test_a_full_disk_is_told_as_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    @contextmanager
+    def full(path: Path) -> Iterator[BinaryIO]:
+        with open("/dev/full", "wb", buffering=0) as file:
+            yield file
+
+    monkeypatch.setattr(plain, "atomic_write", full)
+    with pytest.raises(OSError, match="No space"):
+        plain.write_plain(tmp_path / "training.pt", 1, {"weight": torch.zeros(100_000)})

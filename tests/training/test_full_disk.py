@@ -1,0 +1,149 @@
+"""A disk that is full, and one that is read-only: real ones, where the tests may mount any."""
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.job import run_job
+from fnnq_torchrl.training.resume.saved import SavedTraining
+from fnnq_torchrl.training.trainer import Trainer
+from tests.commands import fnnq_train
+from tests.job_files import write_job
+
+TINY = ("situations=5", "env.time_limit_steps=4", "engine=eager", "checkpoint.every_s=1e-9")
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 64 KiB, on which a training has been saved."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)]
+    if shutil.which("mount") is None or subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("needs the right to mount")
+    try:
+        config = load_config(*TINY)
+        trainer = Trainer(config)
+        SavedTraining(place, config, trainer.engine.name).save(trainer.ledger, [])
+        yield place
+    finally:
+        subprocess.run(["umount", str(place)], check=True)
+
+
+def fill(disk: Path) -> None:
+    try:
+        with open(disk / "filler", "wb", buffering=0) as file:
+            while True:
+                file.write(bytes(256))
+    except OSError:
+        return
+
+
+def make_read_only(disk: Path) -> None:
+    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+
+
+@pytest.mark.parametrize(
+    ("break_it", "why"),
+    [(fill, "No space left on device"), (make_read_only, "Read-only file system")],
+    ids=["full", "read-only"],
+)
+def test_the_last_good_checkpoint_stays(
+    disk: Path, capsys: pytest.CaptureFixture[str], break_it, why: str
+) -> None:
+    break_it(disk)
+    before = {path.name: path.read_bytes() for path in disk.iterdir()}
+    with pytest.raises(OSError, match=why) as ended:
+        run_job(load_config(*TINY), disk)
+    assert Path(ended.value.filename).parent == disk
+    assert {path.name: path.read_bytes() for path in disk.iterdir()} == before
+    [told] = [line for line in capsys.readouterr().err.splitlines() if why in line]
+    assert told.startswith("going on, but this training can't be saved, for now: ")
+    assert str(disk / "training.pt") in told
+
+
+def test_a_file_that_grows_too_large_leaves_the_last_good_checkpoint(tmp_path: Path) -> None:
+    """A limit that any user may set stands in for a full disk, where none can be mounted."""
+    config = load_config(*TINY)
+    trainer = Trainer(config)
+    SavedTraining(tmp_path, config, trainer.engine.name).save(trainer.ledger, [])
+    before = (tmp_path / "training.pt").read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) // 2, hard))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            run_job(config, tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"training.pt": before}
+
+
+def test_wandbs_files_that_are_cut_short_are_told_of_at_the_end(disk: Path, tmp_path: Path) -> None:
+    """Wandb's own process writes them, and says nothing of a disk that is full."""
+    write_job(tmp_path / "job", "num_seeds=22")
+    script = f"""
+from pathlib import Path
+from fnnq_torchrl.training.jobs import Job
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.loggers import Loggers
+config = load_config("num_seeds=22", "situations=40", "logger=wandb", "logger.wandb.per=run")
+job = Job(config, Path({str(disk / "job")!r}))
+Loggers.of(config.logger).log_jobs([job])
+"""
+    # Enough for all that this process writes, and not for what wandb's does.
+    subprocess.run(["mount", "-o", "remount,size=160k", str(disk)], check=True)
+    shutil.copytree(tmp_path / "job", disk / "job")
+    environment = os.environ | {"WANDB_MODE": "offline", "TMPDIR": str(tmp_path)}
+    ended = subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True
+    )
+    [line] = ended.stderr.splitlines()
+    assert line.startswith("wandb has failed at its end: ")
+    assert "of its 22 files are cut short, as " in line
+
+
+@pytest.mark.parametrize("sweep", [False, True])
+def test_a_command_that_cant_even_begin_ends_in_one_line(disk: Path, sweep: bool) -> None:
+    """Hydra's own files are the first."""
+    fill(disk)
+    place = f"hydra.sweep.dir={disk}/sweep" if sweep else f"hydra.run.dir={disk}"
+    command = [sys.executable, "-m", "fnnq_torchrl.train", *TINY, place, *["-m"] * sweep]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert ended.returncode == 1
+    [line] = ended.stderr.splitlines()
+    assert line.endswith("No space left on device")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux")
+def test_a_log_that_is_full_ends_nothing(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "fnnq_torchrl.train", *TINY, f"hydra.run.dir={tmp_path}"]
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(command, stderr=full, stdout=subprocess.DEVNULL)
+        assert ended.returncode == 0
+        assert (tmp_path / "summary.json").exists()
+        (tmp_path / "summary.json").unlink()
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ended.stderr.splitlines()[-1] == "No space left on device"
+    assert ended.returncode == 1
+    assert (tmp_path / "summary.json").exists()
+
+
+def test_a_command_on_a_full_disk_ends_in_one_line(
+    disk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The log and the configuration are Hydra's, and small.
+    quiet = ("hydra/job_logging=none", "hydra/hydra_logging=none", "hydra.output_subdir=null")
+    before = (disk / "training.pt").read_bytes()
+    fill(disk)
+    assert fnnq_train(*TINY, *quiet, f"hydra.run.dir={disk}") == 1
+    stderr = capsys.readouterr().err
+    assert "Traceback" not in stderr
+    assert stderr.splitlines()[-1] == f"{disk / 'checkpoint.pt'}: No space left on device"
+    assert (disk / "training.pt").read_bytes() == before
