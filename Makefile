@@ -45,9 +45,9 @@ test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto
 
 fuzz: install  ## made-up overrides by the hundred, as test_bad_input.py has a few of
-	$(BIN)/python -m pytest -q tests/test_bad_input.py -k overrides --hypothesis-profile long
+	$(BIN)/python -m pytest -q tests/launch/test_bad_input.py -k overrides --hypothesis-profile long
 
-test-wheel: install  ## build the wheel, install it in an empty environment and train from another directory
+test-wheel: install  ## before a release: the wheel in an environment of its own, its dependencies downloaded (tests/test_wheel.py takes .venv's)
 	rm -rf dist && $(BIN)/python -m hatchling build -t wheel
 	$(PYTHON) -m venv dist/empty
 	dist/empty/bin/python -m pip install -qq -c constraints.txt dist/*.whl

@@ -18,7 +18,7 @@ from fnnq_torchrl.training.trainer import Trainer
 
 def learn(engine: str, runs: int) -> tuple[np.ndarray, float]:
     """The catches ``[runs, evaluations]``, and the seconds that learning took."""
-    trainer = Trainer(load_config("lam=0.2", f"num_seeds={runs}", f"engine={engine}"))
+    trainer = Trainer.of(load_config("lam=0.2", f"num_seeds={runs}", f"engine={engine}"))
     trainer.learn()
     return trainer.evaluate().catches, trainer.ledger.seconds["train"]
 

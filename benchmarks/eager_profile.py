@@ -20,8 +20,9 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from envs.core import streams
 from envs.robot import balls as ball
 from envs.robot.follow import FollowBall
-from fnnq_torchrl.agent import learning_step as program
-from fnnq_torchrl.agent.learning_step import Program
+from fnnq_torchrl.agent import learning_step
+from fnnq_torchrl.agent.learning_step import Learner
+from fnnq_torchrl.agent.update import Update
 from fnnq_torchrl.engine.lanes import lanes_for, repeat_last
 from fnnq_torchrl.engine.threads import threads_for
 from fnnq_torchrl.launch.composition import load_config
@@ -29,10 +30,10 @@ from fnnq_torchrl.training.trainer import Trainer
 
 # Where a step looks its parts up.
 PARTS = {
-    "act": [(program, "act")],
+    "act": [(learning_step, "act")],
     "env.step": [(FollowBall, "step")],
-    "slope": [(Program, "_slope")],
-    "credit": [(program, "credit_weights")],
+    "slope": [(Learner, "_slope")],
+    "credit": [(Update, "update")],
     "restart": [(FollowBall, "restart")],
     "draws": [
         *((streams, name) for name in ("draw", "uniform", "spare_uniform", "normal")),
@@ -116,9 +117,9 @@ class OperationCount(TorchDispatchMode):
 def make_step(runs: int) -> tuple[Advance, int, int]:
     """What advances so many runs by a step, as `Trainer.learn` has it; its lanes and elements."""
     config = load_config("lam=0.2", "engine=eager", f"num_seeds={runs}")
-    trainer = Trainer(config)
+    trainer = Trainer.of(config)
     lanes = lanes_for(runs, trainer.engine.workers, trainer.engine.most_lanes)
-    learner = trainer.make_program(lanes)
+    learner = trainer.make_learner(lanes)
     run = repeat_last(trainer.run, lanes)
     state = learner.begin(run)
 

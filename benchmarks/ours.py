@@ -69,7 +69,7 @@ def main() -> None:
     from fnnq_torchrl.training.trainer import Trainer
 
     config = load_config("lam=0.2", "engine=compiled", *sys.argv[1:])
-    engine = Trainer(config).engine
+    engine = Trainer.of(config).engine
 
     made: list[Loop] = []
 
@@ -80,7 +80,7 @@ def main() -> None:
 
     print("ready", flush=True)
     for _ in sys.stdin:
-        trainer = Trainer(config)
+        trainer = Trainer.of(config)
         trainer.engine = replace(engine, make_loop=make_loop)
         resident = memory_bytes("VmRSS")
         trainer.learn()

@@ -6,6 +6,7 @@ python benchmarks/soak.py --runs 1000 10000    peak memory of whole commands, be
 
 import argparse
 from dataclasses import dataclass
+from pathlib import Path
 
 from command import measure
 from machine import describe_machine
@@ -13,6 +14,8 @@ from tables import in_bytes, table
 from watched import memory_bytes
 
 from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.batch import Batch
+from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.memory import sizes_of
 from fnnq_torchrl.training.trainer import Trainer
 
@@ -52,7 +55,7 @@ def soak(millions: int) -> list[Mark]:
         "engine=compiled",
     )
     watch = Watch()
-    trainer = Trainer(config)
+    trainer = Trainer.of(config)
     trainer.learn(keeper=watch)
     return [*watch.marks, Mark(trainer.learning_steps, memory_bytes("VmRSS"))]
 
@@ -66,7 +69,8 @@ def main() -> None:
     if arguments.runs:
         rows = []
         for runs in arguments.runs:
-            peak, foreseen = measure(runs).peak_bytes, sizes_of(load_config(), runs).total
+            job = Job(load_config(f"num_seeds={runs}"), Path())
+            peak, foreseen = measure(runs).peak_bytes, sizes_of(Batch([job])).total
             rows.append([f"{runs:,}", in_bytes(peak), in_bytes(foreseen)])
         print(table(["runs", "peak of the command", "foreseen"], rows))
         return

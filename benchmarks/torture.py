@@ -26,10 +26,10 @@ from machine import describe_machine
 from matplotlib.image import imread
 
 from fnnq_torchrl.files.plain import read_plain
-from fnnq_torchrl.training.checkpoint import load_checkpoint
 from fnnq_torchrl.training.jobs import TRAINING
 from fnnq_torchrl.training.results import read_evaluations, read_summary
 from fnnq_torchrl.training.resume.saved import FORMAT
+from fnnq_torchrl.training.weights import load_checkpoint
 
 EVERY_S = 0.05
 ANY_MOMENT = 0.3  # share of the kills that come at any moment, importing and the end included

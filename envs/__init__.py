@@ -9,7 +9,10 @@ from typing import Any
 
 _HOMES = {
     "FollowBall": "robot.follow",
+    "FollowOneSide": "robot.one_side",
     "PureEnv": "core.pure",
+    "WorldConfig": "core.world",
+    "make_world": "worlds",
 }
 
 __all__ = list(_HOMES)

@@ -1,9 +1,9 @@
-"""The follow-the-ball world behind Gymnasium's interface, for learners that ask for it."""
+"""Our worlds behind Gymnasium's interface, for learners that ask for it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite, nan
+from math import isfinite
 from typing import Any
 
 import gymnasium
@@ -15,20 +15,19 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
 from envs.core.parameters import OutOfRange
-from envs.robot.follow import FollowBall
-from envs.robot.schemas import World
+from envs.core.world import WorldConfig
+from envs.worlds import make_world
 
 _SEEDS, _EPISODES = 2**63, 2**33
 """How many there are (:func:`envs.core.streams.draw`)."""
 
 
-class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
-    """One robot of :class:`envs.robot.follow.FollowBall`, which does all the arithmetic.
+class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
+    """A single run of one of our worlds, which does all the arithmetic.
 
-    * Observations: Δθ, the ball's bearing as seen, rad, ``[1]`` (float32).
-    * Actions: the index of a candidate Δv, evenly spaced in [−1, 1].
-    * Both ends of a situation, catch and miss, are ``terminated``; nothing is ``truncated``.
-    * ``info["is_success"]``: whether the situation has ended in a catch.
+    * Observations: the world's, in the order of their names in its configuration (float32).
+    * Actions: the number of one of its fixed set, or of a candidate in its range.
+    * ``info["is_success"]``: whether the episode has ended, and succeeded.
 
     Random numbers are the run's own (:mod:`envs.core.streams`), not those of ``np_random``: a seed
     and an episode's number have the same situation here as in any batch.
@@ -37,8 +36,9 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
         world: the environment behind it.
 
     Args:
-        world: the physical parameters (``conf/env/follow_ball.yaml`` has the paper's).
-        candidates: how many there are (``conf/action/even.yaml``), at least 2.
+        config: the world's parameters (``conf/env/follow_ball.yaml`` has the paper's).
+        candidates: how many actions of a range there are (``conf/action/even.yaml``), evenly
+            spaced, at least 2; none for a world with a fixed set.
 
     Raises:
         OutOfRange: there are fewer.
@@ -46,13 +46,17 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # as Gymnasium declares it
 
-    def __init__(self, world: World, candidates: int) -> None:
-        candidates = _whole("candidates", candidates, 2, 2**31)
-        view = world.field_of_view_rad
-        self.observation_space = Box(-view, view, (1,), np.float32)
-        self.action_space = Discrete(candidates)
-        self._candidates = torch.linspace(-1, 1, candidates)
-        self.world = FollowBall(world)
+    def __init__(self, config: WorldConfig, candidates: int | None = None) -> None:
+        actions = config.actions
+        if isinstance(actions, int):
+            self._candidates = torch.arange(actions, dtype=torch.float32)
+        else:
+            steps = _whole("candidates", candidates, 2, 2**31)
+            self._candidates = torch.linspace(*actions, steps)
+        low, high = np.array([*config.observations.values()], dtype=np.float32).T
+        self.observation_space = Box(low, high, dtype=np.float32)
+        self.action_space = Discrete(self._candidates.numel())
+        self.world = make_world(config)
         self._seed, self._episode = 0, -1
         self._state: TensorDictBase | None = None
 
@@ -65,8 +69,7 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
             seed: of the run, in [0, 2⁶³), which begins anew with its episode 0. Before the first
                 seed it is 0.
             options: ``episode``, the number of the situation within the run, in [0, 2³³);
-                ``start``, where the ball is and how it rolls, (φ₀, ω_b) in rad and rad/s, instead
-                of at random.
+                ``start``, the numbers of a fixed start, instead of a random one.
 
         Returns:
             The observation and ``info``.
@@ -78,7 +81,7 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
         episode, start = options.pop("episode", None), options.pop("start", None)
         for name in options:
             raise OutOfRange("options", name, "episode or start")
-        begins = None if start is None else torch.tensor(_pair("start", start))
+        begins = None if start is None else torch.tensor(self._start(start))
         run = self._seed if seed is None else _whole("seed", seed, 0, _SEEDS)
         if episode is None:
             episode = self._episode + 1 if seed is None else 0
@@ -97,7 +100,7 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
             action: the index of a candidate.
 
         Returns:
-            The observation, the reward, ``terminated``, ``truncated`` (never) and ``info``.
+            The observation, the reward, ``terminated``, ``truncated`` and ``info``.
 
         Raises:
             OutOfRange: there is no such action.
@@ -110,13 +113,29 @@ class FollowBallGym(gymnasium.Env[NDArray[np.float32], np.int64]):
             raise ResetNeeded("no situation has begun, or it has ended: call reset first")
         after = self.world.step(self._state.set("action", self._candidates[action].view(1)))
         after = after["next"]
-        ended, reward = bool(after["terminated"]), float(after["reward"])
-        self._state = None if ended else after
-        return self._see(after), reward, ended, False, {"is_success": ended and reward > 0}
+        self._state = None if after["done"] else after
+        return (
+            self._see(after),
+            float(after["reward"]),
+            bool(after["terminated"]),
+            bool(after["truncated"]),
+            {"is_success": bool(after["success"])},
+        )
 
     def _see(self, state: TensorDictBase) -> NDArray[np.float32]:
-        seen: NDArray[np.float32] = state["bearing"].numpy()
+        seen: NDArray[np.float32] = torch.cat([state[key] for key in self.world.seen], -1).numpy()
         return seen
+
+    def _start(self, start: Any) -> list[float]:
+        """Return a fixed start, if it has finite numbers, as many as the world wants."""
+        values = self.world.world.start_values
+        try:
+            numbers = [*map(float, start)]
+        except (TypeError, ValueError):
+            numbers = []
+        if len(numbers) != len(values) or not all(map(isfinite, numbers)):
+            raise OutOfRange("start", start, f"finite numbers [{', '.join(values)}]")
+        return numbers
 
 
 def _whole(name: str, value: Any, low: int, end: int) -> int:
@@ -125,14 +144,3 @@ def _whole(name: str, value: Any, low: int, end: int) -> int:
     if not (whole and low <= value < end):
         raise OutOfRange(name, value, f"a whole number in [{low}, {end})")
     return int(value)
-
-
-def _pair(name: str, value: Any) -> list[float]:
-    """The value, if it is two finite numbers."""
-    try:
-        first, second = map(float, value)
-    except (TypeError, ValueError):
-        first = second = nan
-    if not (isfinite(first) and isfinite(second)):
-        raise OutOfRange(name, value, "two finite numbers, φ₀ in rad and ω_b in rad/s")
-    return [first, second]

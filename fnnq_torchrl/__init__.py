@@ -21,9 +21,10 @@ _HOMES = {
     "TableValue": "agent.values",
     "TilesValue": "agent.values",
     "ValueNetwork": "agent.values",
-    "load_checkpoint": "training.checkpoint",
+    "load_checkpoint": "training.weights",
     "load_config": "launch.composition",
-    "load_snapshots": "training.snapshot_file",
+    "load_policy": "training.policies",
+    "load_snapshots": "training.weights",
     "read_evaluations": "training.results",
     "read_summary": "training.results",
 }

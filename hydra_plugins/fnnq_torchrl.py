@@ -4,7 +4,7 @@ Every Hydra application on a machine imports this file if it is installed there,
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -17,7 +17,7 @@ from omegaconf import DictConfig
 
 
 class BatchLauncher(Launcher):
-    """Runs the jobs of a multirun in batches: `fnnq_torchrl.launch.launcher.Multirun`.
+    """Hands the jobs of a multirun to the task of the command, which runs them in batches.
 
     Args:
         **settings: those of ``conf/hydra/launcher/batch.yaml``.
@@ -29,14 +29,16 @@ class BatchLauncher(Launcher):
     def setup(
         self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig
     ) -> None:
-        from fnnq_torchrl.launch.launcher import Multirun
-
-        self._multirun = Multirun(self._settings, hydra_context, task_function, config)
+        """Prepare the task, a ``fnnq_torchrl.launch.command.Task``."""
+        self._task = cast(Any, task_function)
+        self._task.set_up(self._settings, hydra_context, config)
 
     def launch(
         self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int
     ) -> Sequence[JobReturn]:
-        return self._multirun.launch(job_overrides, initial_job_idx)
+        """Run some jobs, and return what became of them in their order."""
+        returns: list[JobReturn] = self._task.launch(job_overrides, initial_job_idx)
+        return returns
 
 
 class BatchSweeper(BasicSweeper):
@@ -57,32 +59,28 @@ class BatchSweeper(BasicSweeper):
         params: Mapping[str, str] | None = None,
         max_batch_size: int | None = None,
     ) -> None:
-        super().__init__(max_batch_size, params or {})  # type: ignore[arg-type]  # see setup
+        super().__init__(max_batch_size, dict(params or {}))
         self._cases = cases
-
-    def setup(
-        self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig
-    ) -> None:
-        super().setup(hydra_context=hydra_context, task_function=task_function, config=config)
-        most = self.max_batch_size
-        for key, value, fine, words in (
-            ("cases", self._cases, _is_grids(self._cases), "a list of grids {key: values}"),
-            ("params", self.params, isinstance(self.params, Mapping), "a grid {key: values}"),
-            ("max_batch_size", most, _is_whole_or_null(most), "a whole number >= 1, or null"),
-        ):
-            if not fine:
-                raise HydraException(f"hydra.sweeper.{key}={value}: must be {words}")
 
     def split_arguments(  # type: ignore[override]  # the base has it static, and calls it on self
         self, overrides: list[Override], max_batch_size: int | None
     ) -> list[list[list[str]]]:
-        """The batches of jobs, each a list of overrides; no job comes twice."""
+        """Return the batches of jobs, each job a list of overrides; no job comes twice.
+
+        Raises:
+            HydraException: the cases aren't grids, or one of the sweeps is empty.
+        """
+        cases = self._cases
+        if not isinstance(cases, Sequence) or not all(isinstance(case, Mapping) for case in cases):
+            raise HydraException(
+                f"hydra.sweeper.cases={cases}: must be a list of grids {{key: values}}"
+            )
         for override in overrides:
             if override.is_discrete_sweep() and not any(True for _ in override.sweep_iterator()):
                 raise HydraException(f"{override.input_line}: there is no value in it")
         parser = OverridesParser.create()
         jobs: dict[tuple[str, ...], None] = {}
-        for case in self._cases:
+        for case in cases:
             grid = parser.parse_overrides([f"{key}={values}" for key, values in case.items()])
             (batch,) = BasicSweeper.split_arguments([*grid, *overrides], None)
             jobs |= dict.fromkeys(map(tuple, batch))
@@ -90,13 +88,6 @@ class BatchSweeper(BasicSweeper):
         return list(chunks)
 
     def validate_batch_is_legal(self, batch: Sequence[Sequence[str]]) -> None:
+        """Compose the jobs to check them, unless the launcher does."""
         if not isinstance(self.launcher, BatchLauncher):
             super().validate_batch_is_legal(batch)
-
-
-def _is_grids(cases: object) -> bool:
-    return isinstance(cases, Sequence) and all(isinstance(case, Mapping) for case in cases)
-
-
-def _is_whole_or_null(number: object) -> bool:
-    return number is None or (type(number) is int and number >= 1)

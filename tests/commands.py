@@ -5,7 +5,6 @@ import signal
 import sys
 
 from fnnq_torchrl import train
-from fnnq_torchrl.training.loggers import Loggers
 
 SIGNALS = [
     getattr(signal, name)
@@ -16,7 +15,6 @@ SIGNALS = [
 
 def fnnq_train(*arguments: object) -> int:
     """The exit status of the command. What it sets up for a process of its own is undone."""
-    Loggers.forget()  # as a new process has none
     root = logging.getLogger()
     level, handlers = root.level, root.handlers[:]
     argv, sys.argv = sys.argv, ["train", *map(str, arguments)]

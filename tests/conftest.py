@@ -1,6 +1,7 @@
 """How torch and hypothesis run here."""
 
 import os
+import signal
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,11 +25,28 @@ settings.load_profile("here")
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Compiled programs are kept for this session alone: what one finds, this session has made."""
+    """Compiled programs are kept for this session alone, and shared by its workers."""
+    session = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        session = session.parent
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        patch.delenv("TORCHINDUCTOR_CACHE_DIR", raising=False)
+        patch.setenv("XDG_CACHE_HOME", str(session / "cache"))
+        patch.setenv("TORCHINDUCTOR_CACHE_DIR", str(session / "cache" / "inductor"))
         yield
+
+
+@pytest.fixture
+def usual_signals() -> Iterator[None]:
+    """Signals as a process has them in a terminal, however the tests were started."""
+    usual = {"SIGINT": signal.default_int_handler}
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGUSR1", "SIGUSR2") if hasattr(signal, name)]
+    before = {
+        name: signal.signal(getattr(signal, name), usual.get(name, signal.SIG_DFL))
+        for name in names
+    }
+    yield
+    for name, answer in before.items():
+        signal.signal(getattr(signal, name), answer)
 
 
 @pytest.fixture(scope="session")

@@ -52,7 +52,8 @@ def invented(settings: Settings, level: float) -> Evaluations:
         steps=60 * np.tile(situations, (runs, 1)),
         catches=rng.binomial(5, chance),
         diverged=np.zeros(chance.shape, dtype=bool),
-        denormal=np.zeros(chance.shape, dtype=bool),
+        returns=np.zeros(chance.shape),
+        lengths=np.zeros(chance.shape),
     )
 
 

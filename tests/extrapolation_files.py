@@ -8,18 +8,19 @@ from pathlib import Path
 
 import torch
 
+from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.results import write_evaluations
-from fnnq_torchrl.training.snapshot_file import save_snapshots
+from fnnq_torchrl.training.weights import save_snapshots
 
 from .experiment_files import invented
 from .programs import SMALL_WORLD
 
 RUNS = 4
 SITUATIONS = (0, 5, 50, 200, 400)
-ON_ONE_SIDE = ("env.start_side=left", "env.switch_side_after=200", "env.other_view_rad=0.2")
+ON_ONE_SIDE = ("env=follow_one_side", "env.switch_side_after=200", "env.other_view_rad=0.2")
 
 
 @cache
@@ -40,7 +41,7 @@ def write_job(directory: Path, config: Config, level: float) -> None:
 
 def write_snapshots(directory: Path, config: Config) -> None:
     """Weights that start as they do, and wander from there."""
-    candidates = torch.linspace(-1, 1, config.action.candidates)
+    candidates = make_candidates(config)
     seed = torch.arange(RUNS)
     start = make_value_network(config.value, candidates, 1).start(seed.unsqueeze(-1))
     generator = torch.Generator().manual_seed(0)

@@ -1,19 +1,24 @@
-"""Small programs and their runs, for the tests to step through."""
+"""Small learners and their runs, for the tests to step through."""
 
 from functools import cache
+from pathlib import Path
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from envs.robot.follow import FollowBall
-from fnnq_torchrl.agent.learning_step import Program
+from envs.worlds import make_world
+from fnnq_torchrl.agent.candidates import make_candidates
+from fnnq_torchrl.agent.learning_step import Learner
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.schema import PER_RUN, Config
 from fnnq_torchrl.engine.lanes import LANES, Values, repeat_last
 from fnnq_torchrl.equations.q_lambda import Rule
-from fnnq_torchrl.equations.step_size import StepSize
+from fnnq_torchrl.equations.step_size import make_step_size
 from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.batch import Batch
+from fnnq_torchrl.training.jobs import Job
+from fnnq_torchrl.training.resume.saved import SavedTraining
 
 SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
 """Every situation is over after 10 to 14 steps, some by a catch and some by a miss."""
@@ -36,29 +41,34 @@ def in_lanes(runs: Values) -> Values:
     return repeat_last(runs, -(-len(runs) // LANES) * LANES)
 
 
-def make_program(
+def make_learner(
     config: Config, run: TensorDictBase, network: ValueNetwork | None = None
-) -> Program:
-    """A program of the follow-the-ball world for these runs, by default on the fuzzy network."""
+) -> Learner:
+    """A learner of the configuration's world for these runs, by default on its own network."""
     dtype = getattr(torch, config.machine.dtype)
-    candidates = torch.linspace(-1, 1, config.action.candidates, dtype=dtype)
-    return Program(
-        FollowBall(config.env, [len(run)], dtype=dtype),
+    candidates = make_candidates(config, dtype)
+    return Learner(
+        make_world(config.env, [len(run)], dtype=dtype),
         network or make_value_network(config.value, candidates, len(run)),
         rule=Rule(config.variant, config.trace, config.window),
-        step_size=StepSize(config.step_size),
+        step_size=make_step_size(config.step_size),
         exploration=config.exploration,
         evaluate_every=config.evaluation.every,
-        largest_value=config.diverged_beyond * config.env.largest_return,
+        largest_value=config.largest_value,
     )
 
 
+def saved_training(directory: Path, config: Config) -> SavedTraining:
+    """The file of a job's training in a directory."""
+    return SavedTraining(Batch([Job(config, directory)]))
+
+
 @torch.no_grad()
-def advance(program: Program, run: TensorDictBase, steps: int) -> TensorDict:
+def advance(learner: Learner, run: TensorDictBase, steps: int) -> TensorDict:
     """The state after so many steps."""
-    state = program.begin(run)
+    state = learner.begin(run)
     for _ in range(steps):
-        state = program.step(run, state)
+        state = learner.step(run, state)
     return state
 
 

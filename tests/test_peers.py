@@ -43,7 +43,7 @@ class AsPeer(nn.Module):
 def test_peers_are_tested_as_ours_are():
     """Of the same networks, the scores are those that ours would have in evaluations.csv."""
     config = load_config("situations=50", f"seed={SEED}", "engine=eager")
-    trainer = Trainer(config)
+    trainer = Trainer.of(config)
     candidates = torch.linspace(-1, 1, config.action.candidates)
     weights = trainer.ledger.book.pages["weights", "weight"].detach()
     weights.normal_(generator=torch.Generator().manual_seed(SEED))  # any will do
@@ -85,7 +85,7 @@ def test_a_score_is_that_of_the_last_evaluation():
 
 def test_enough_situations_for_the_steps():
     config = load_config()
-    fewest = FollowBall(config.env).fewest_steps
+    fewest = config.env.fewest_steps
     for steps in (1, 400, 12_000):
         situations = enough(config, steps)
         assert situations % config.evaluation.every == 0

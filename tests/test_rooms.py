@@ -21,14 +21,12 @@ ROOMS = [
     {"fnnq_torchrl.config"},
     {"fnnq_torchrl.agent", "fnnq_torchrl.engine"},
     {"fnnq_torchrl.training"},
-    {"fnnq_torchrl.launch", "hydra_plugins"},
+    {"hydra_plugins"},
+    {"fnnq_torchrl.launch"},
     {"fnnq_torchrl.studies"},
     {"fnnq_torchrl"},
 ]
 """From the ground up. Those on one floor don't know each other; the top has the commands."""
-
-ONE_ROOM = {"hydra_plugins": "fnnq_torchrl.launch"}
-"""Where Hydra looks for plugins is a place of its own."""
 
 # Who may import a library that is slow to load, or belongs at the edge.
 ONLY_IN = {
@@ -65,8 +63,7 @@ def lies_in(module: str, place: str) -> bool:
 
 def room(module: str) -> str:
     places = [place for floor in ROOMS for place in floor if lies_in(module, place)]
-    place = max(places, key=len)
-    return ONE_ROOM.get(place, place)
+    return max(places, key=len)
 
 
 def floor(module: str) -> int:

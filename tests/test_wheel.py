@@ -3,30 +3,31 @@
 import os
 import subprocess
 import sys
+import venv
 import zipfile
+from collections.abc import Iterator
+from email import message_from_bytes
+from importlib.metadata import Distribution, distribution
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
 
 
-def python(*arguments: str, cwd: Path, path: str = "") -> str:
-    """What `python *arguments` prints, with `path` in front of all that is installed."""
+def run(*command: str | Path, cwd: Path) -> str:
+    """What a command prints that sees nothing of this checkout."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     return subprocess.run(
-        [sys.executable, *arguments],
-        cwd=cwd,
-        env={**os.environ, "PYTHONPATH": path},
-        check=True,
-        stdout=subprocess.PIPE,
-        text=True,
+        command, cwd=cwd, env=environment, check=True, stdout=subprocess.PIPE, text=True
     ).stdout
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
-    python("-m", "hatchling", "build", "-t", "wheel", "-d", str(folder), cwd=ROOT)
+    run(sys.executable, *["-m", "hatchling", "build", "-t", "wheel", "-d"], folder, cwd=ROOT)
     (built,) = folder.glob("*.whl")
     return built
 
@@ -47,21 +48,50 @@ def test_holds_the_packages_and_the_configuration(wheel: Path) -> None:
     assert packed == expected
 
 
-def test_trains_from_another_directory(wheel: Path, tmp_path: Path) -> None:
-    site, home = tmp_path / "site", tmp_path / "home"
+def needed(requirements: list[str]) -> Iterator[Distribution]:
+    """The installed distributions that requirements ask for, and those that these ask for."""
+    known, names = set(), [*requirements]
+    while names:
+        requirement = Requirement(names.pop())
+        of_extras = [{"extra": extra} for extra in ("", *requirement.extras)]
+        if requirement.marker and not requirement.marker.evaluate({"extra": ""}):
+            continue
+        found = distribution(requirement.name)
+        if (key := (found.name, *sorted(requirement.extras))) in known:
+            continue
+        known.add(key)
+        yield found
+        for text in found.requires or []:
+            further = Requirement(text)
+            if further.marker is None or any(map(further.marker.evaluate, of_extras)):
+                further.marker = None
+                names.append(str(further))
+
+
+def test_trains_from_another_directory_with_its_declared_dependencies_alone(
+    wheel: Path, tmp_path: Path
+) -> None:
+    """In an environment of links to what the wheel asks for, which pip finds enough."""
+    venv.create(tmp_path / "empty", symlinks=True, with_pip=False)
+    (site,) = (tmp_path / "empty").glob("lib/python*/site-packages")
+    metadata = next(name for name in zipfile.ZipFile(wheel).namelist() if "METADATA" in name)
+    asked = message_from_bytes(zipfile.ZipFile(wheel).read(metadata)).get_all("Requires-Dist", [])
+    for each in needed(asked):
+        for entry in {file.parts[0] for file in each.files or []} - {"..", "__pycache__"}:
+            if not (site / entry).exists():
+                (site / entry).symlink_to(Path(str(each.locate_file(entry))))
+    assert not (site / "pytest").exists()
+    python, home = tmp_path / "empty/bin/python", tmp_path / "home"
     home.mkdir()
-    python(
-        *("-m", "pip", "install", "-qq", "--no-index", "--no-deps", "--no-compile"),
-        *("--target", str(site), str(wheel)),
-        cwd=home,
-    )
+    pip = (sys.executable, "-m", "pip", "--python", python)
+    run(*pip, "install", "-qq", "--no-index", "--no-compile", wheel, cwd=home)
     where = "import envs, fnnq_torchrl; print(envs.__path__[0], fnnq_torchrl.__path__[0])"
-    assert python("-c", where, cwd=home, path=str(site)).split() == [
+    assert run(python, "-c", where, cwd=home).split() == [
         str(site / "envs"),
         str(site / "fnnq_torchrl"),
     ]
 
-    python("-m", "fnnq_torchrl.train", "situations=5", "num_seeds=2", cwd=home, path=str(site))
+    run(tmp_path / "empty/bin/fnnq-train", "situations=5", "num_seeds=2", cwd=home)
     (evaluations,) = home.glob("outputs/**/evaluations.csv")
     assert {path.name for path in evaluations.parent.iterdir()} >= {
         ".hydra",

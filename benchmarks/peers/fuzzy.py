@@ -10,7 +10,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.robot.follow import FollowBall
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.trainer import Trainer
@@ -22,7 +21,7 @@ from .task import moments
 def enough(config: Config, steps: int) -> int:
     """So many situations take at least so many steps, however fast they end."""
     every = config.evaluation.every
-    return every * math.ceil(steps / FollowBall(config.env).fewest_steps / every)
+    return every * math.ceil(steps / config.env.fewest_steps / every)
 
 
 def scores_at(
@@ -42,7 +41,7 @@ def learn(steps: int, overrides: list[str]) -> Iterator[Run]:
     """All runs of a batch; each one's wall time is its share of the batch's."""
     situations = enough(load_config(*overrides), steps)
     config = load_config(*overrides, f"situations={situations}")
-    trainer = Trainer(config)
+    trainer = Trainer.of(config)
     trainer.learn()
     outcome = trainer.evaluate()
     due = np.array(moments(steps))

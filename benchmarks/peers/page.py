@@ -75,7 +75,7 @@ $time
   after so many steps is that of the last evaluation until then.
 * *DQN, TorchRL* is made of TorchRL's own `DQNLoss`, `SoftUpdate`, `Collector`, replay buffer and
   `EGreedyModule`, on `FollowBall` with an `ActionDiscretizer`.
-* *DQN, Stable-Baselines3* is its `DQN`, through `envs.gymnasium.FollowBallGym`, which both
+* *DQN, Stable-Baselines3* is its `DQN`, through `envs.gymnasium.GymWorld`, which both
   Gymnasium's and its own checker of environments pass. It has an environment of its own,
   `benchmarks/peers/.venv`.
 

@@ -9,7 +9,7 @@ from stable_baselines3 import DQN
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_checker import check_env
 
-from envs.gymnasium import FollowBallGym
+from envs.gymnasium import GymWorld
 
 from .dqn import Settings, command_line
 from .runs import Run, versions_of
@@ -33,7 +33,7 @@ class Snapshots(BaseCallback):
 
 def learn(settings: Settings, seed: int, steps: int) -> Run:
     config = task()
-    env = FollowBallGym(config.env, config.action.candidates)
+    env = GymWorld(config.env, config.action.candidates)
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # what its checker only advises counts too
         check_env(env)

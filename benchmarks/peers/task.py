@@ -8,6 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from envs.robot.follow import FollowBall
+from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.evaluation import FIRST_EPISODE
@@ -74,7 +75,7 @@ def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]
         config: has the world, the test and the number of candidates.
     """
     tests = torch.tensor(config.evaluation.situations)
-    candidates = torch.linspace(-1, 1, config.action.candidates)
+    candidates = make_candidates(config)
     lanes = len(networks) * len(tests)
     env = FollowBall(config.env, [lanes])
     episode = FIRST_EPISODE + torch.arange(lanes).unsqueeze(-1)

@@ -127,16 +127,25 @@ def wholes(low: int) -> Any:
     )
 
 
-def some_of(*choices: str) -> Any:
-    """A list of words, at least one, none twice."""
-    return _declare(
-        lambda value: (
+def whole_or_rows(low: int, row: str) -> Any:
+    """A whole number, at least `low`, or a list of rows of finite numbers, at least one."""
+
+    def holds(value: Any) -> bool:
+        if _is_whole(value):
+            return bool(value >= low)
+        return (
             isinstance(value, list)
             and len(value) >= 1
-            and all(value.count(word) == 1 and word in choices for word in value)
-        ),
-        f"a list of at least one of: {', '.join(choices)}",
-    )
+            and all(isinstance(each, list) and all(map(_is_finite, each)) for each in value)
+        )
+
+    return _declare(holds, f"a list of at least one {row} [number, …], or a whole number >= {low}")
+
+
+def or_null(declared: Any) -> Any:
+    """What another range holds, or nothing, ``null``."""
+    range_: Range = declared.metadata[_RANGE]
+    return _declare(lambda value: value is None or range_.holds(value), f"{range_.words}, or null")
 
 
 def flag() -> Any:

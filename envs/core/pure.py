@@ -1,69 +1,140 @@
 """Environments whose step is a pure function of the TensorDict."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any
+from math import inf
+from typing import Any, ClassVar
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
+from torchrl.data import Binary, Bounded, Categorical, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
+
+from envs.core import streams
+from envs.core.streams import Stream
+from envs.core.world import WorldConfig
 
 WHEN = "seed", "episode", "step"
 """The entries that say whose random numbers are due, and when: int64, ``[*batch_size, 1]``."""
+
+Entries = dict[str, Tensor]
 
 
 class PureEnv(EnvBase):
     """A batch of runs that share nothing, with the whole of their state in the TensorDict.
 
     What is random in a step is drawn from the run's ``seed``, ``episode`` and ``step``
-    (:mod:`envs.core.streams`), so a run's history doesn't depend on the batch that it is in, and a
-    loop of steps compiles. A subclass has the specs, :meth:`start` and ``_step``; it carries the
-    entries ``WHEN`` along, counts ``step``, and gives with every state a ``chance``, U[0, 1), to
-    whoever chooses the action. Seeds and resets are done here.
+    (:mod:`envs.core.streams`). So a run's history doesn't depend on the batch that it is in, and a
+    loop of steps compiles.
 
-    Besides TorchRL's own ``reset``, in which the environment itself counts the episodes, there is
-    :meth:`restart`, which does without.
+    A subclass has a ``schema``, names the state that it carries in ``state_keys``, and has two pure
+    functions, :meth:`initial` and :meth:`transition`. Everything else is done here: specs, seeds,
+    resets, the count of steps, the time limit. Entries of the TensorDicts, each
+    ``[*batch_size, 1]``:
+
+    ============================  ================================================================
+    the observations, the state   real
+    ``chance``                    U[0, 1), for whoever chooses the action
+    ``action``                    real: within the world's range, or the number of one of its set
+    ``reward``                    real
+    ``terminated``                the episode has come to an end of the task itself
+    ``truncated``                 it was cut off by the time limit
+    ``done``                      either of them
+    ``success``                   it has ended, and succeeded
+    ``seed``, ``episode``,        whose random numbers these are, and when (int64)
+    ``step``
+    ============================  ================================================================
+
+    Besides TorchRL's own ``reset``, in which the environment counts the episodes, there is
+    :meth:`restart`, which has no state and compiles.
 
     Args:
+        world: the parameters, an instance of ``schema``.
         batch_size: the shape of the batch of runs; ``()`` is a single one.
+        situations: fixed starts, of a shape that broadcasts to ``[*batch_size, values]``
+            (:attr:`envs.core.world.WorldConfig.start_values`); random ones by default.
         seed: an integer (run i of the batch gets ``seed + i``) or the seeds themselves, int64 of
             shape ``batch_size``.
         dtype: of everything real.
         device: of everything.
+
+    Attributes:
+        seen: the names of the observations.
     """
 
+    schema: ClassVar[type[WorldConfig]]
+    state_keys: ClassVar[tuple[str, ...]] = ()
+    """The names of the real entries, besides the observations, that a step goes on from."""
+
+    situations: Tensor | None
     _seed: Tensor
     _episode: Tensor
 
     def __init__(
         self,
-        batch_size: Sequence[int],
-        seed: int | Tensor,
-        dtype: torch.dtype,
-        device: torch.device | str | None,
+        world: WorldConfig,
+        batch_size: Sequence[int] = (),
+        *,
+        situations: Tensor | None = None,
+        seed: int | Tensor = 0,
+        dtype: torch.dtype = torch.float32,
+        device: torch.device | str | None = None,
     ) -> None:
         super().__init__(device=device, batch_size=torch.Size(batch_size))
+        self.world = world
         self.dtype = dtype
+        if situations is not None:
+            values = len(world.start_values)
+            situations = situations.to(device, dtype).expand(*self.batch_size, values).clone()
+        self.register_buffer("situations", situations)
         self.seed_runs(seed)
-
-    @property
-    def fewest_steps(self) -> int:
-        """No episode ends in fewer steps."""
-        return 1
+        self._make_specs()
 
     @abstractmethod
-    def start(self, seed: Tensor, episode: Tensor) -> TensorDict:
-        """The first state of an episode.
+    def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
+        """Return the observations and the state with which an episode begins.
+
+        Args:
+            seed, episode: whose, int64 ``[*batch_size, 1]``, for :func:`envs.core.streams.draw`
+                with step 0 and ``Stream.START``.
+            situations: the starts that are asked for, ``[*batch_size, values]``; else they are
+                random.
+
+        Returns:
+            Each ``[*batch_size, 1]``. There may be a ``chance``, if the world has random bits to
+            spare; else one is drawn.
+        """
+
+    @abstractmethod
+    def transition(self, state: Entries, action: Tensor) -> Entries:
+        """Return what a step leads to.
+
+        Args:
+            state: the observations and the state before it, and ``seed``, ``episode`` and the
+                number of this step, from 1, for :func:`envs.core.streams.draw` with
+                ``Stream.STEP``.
+            action: ``[*batch_size, 1]``.
+
+        Returns:
+            The observations and the state after it, ``reward`` and ``terminated`` (bool). There may
+            be a ``success`` (bool), of an episode that ends here, and a ``chance``.
+        """
+
+    def start(self, seed: Tensor, episode: Tensor, situations: Tensor | None = None) -> TensorDict:
+        """Return the first state of an episode.
 
         Args:
             seed, episode: int64 ``[*batch_size, 1]``.
+            situations: starts, ``[*batch_size, values]``, instead of the environment's own.
         """
+        situations = self.situations if situations is None else situations
+        entries = self.initial(seed, episode, situations)
+        entries |= {"seed": seed, "episode": episode, "step": torch.zeros_like(episode)}
+        return self.pack(self._with_chance(entries))
 
     def restart(self, after: TensorDictBase) -> TensorDict:
-        """The state to go on from: where ``done``, the first of the run's next episode.
+        """Return the state to go on from: where ``done``, the first of the run's next episode.
 
         Args:
             after: what a step led to, its ``"next"``.
@@ -72,12 +143,12 @@ class PureEnv(EnvBase):
         done = after["done"]
         return self.pack({key: torch.where(done, new, after[key]) for key, new in start.items()})
 
-    def pack(self, entries: dict[str, Tensor]) -> TensorDict:
-        """A TensorDict of this environment's batch."""
+    def pack(self, entries: Entries) -> TensorDict:
+        """Return a TensorDict of this environment's batch."""
         return TensorDict(entries, batch_size=self.batch_size, device=self.device)
 
     def seed_runs(self, seed: int | Tensor) -> None:
-        """Give every run its seed; each is to begin with its first episode again.
+        """Give every run its seed; each begins with its first episode again.
 
         Args:
             seed: an integer (run i gets ``seed + i``) or int64 of shape ``batch_size``.
@@ -89,6 +160,25 @@ class PureEnv(EnvBase):
         self.register_buffer("_seed", seed)
         self.register_buffer("_episode", torch.full_like(seed, -1))
 
+    def _step(self, tensordict: TensorDictBase) -> TensorDict:
+        state = {key: tensordict[key] for key in (*self._kept, *WHEN)}
+        state["step"] = state["step"] + 1
+        after = self.transition(state, tensordict["action"])
+        after |= {key: state[key] for key in WHEN}
+        never = torch.zeros_like(after["terminated"])
+        late = after["step"] >= self.world.time_limit_steps
+        after["truncated"] = late & ~after["terminated"]
+        after["done"] = after["terminated"] | after["truncated"]
+        after["success"] = after.get("success", never)
+        return self.pack(self._with_chance(after))
+
+    def _with_chance(self, entries: Entries) -> Entries:
+        if "chance" not in entries:
+            seed, episode, step = (entries[key] for key in WHEN)
+            words = streams.draw(seed, episode, step, Stream.CHANCE)
+            entries["chance"] = streams.uniform(words[0], self.dtype)
+        return entries
+
     def _set_seed(self, seed: int | None) -> None:
         if seed is not None:
             self.seed_runs(seed)
@@ -96,4 +186,36 @@ class PureEnv(EnvBase):
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: Any) -> TensorDict:
         due = None if tensordict is None else tensordict.get("_reset", None)
         self._episode = self._episode + (1 if due is None else due.view_as(self._episode))
-        return self.start(self._seed.clone(), self._episode.clone())
+        state = self.start(self._seed.clone(), self._episode.clone())
+        return state.set("success", torch.zeros_like(self._seed, dtype=torch.bool))
+
+    def _make_specs(self) -> None:
+        shape = (*self.batch_size, 1)
+        real = {"shape": shape, "dtype": self.dtype, "device": self.device}
+
+        def composite(**entries: TensorSpec) -> Composite:
+            return Composite(entries, shape=self.batch_size, device=self.device)
+
+        def flag() -> Binary:
+            return Binary(1, shape, dtype=torch.bool, device=self.device)
+
+        seen = {key: _spec(*span, **real) for key, span in self.world.observations.items()}
+        self.seen = [*seen]
+        self._kept = [*seen, *(key for key in self.state_keys if key not in seen)]
+        state = {key: Unbounded(**real) for key in self._kept}
+        state |= {key: Unbounded(shape, dtype=torch.int64, device=self.device) for key in WHEN}
+        self.state_spec = composite(**state)
+        seen |= {"chance": Bounded(0, 1, **real), "success": flag()}
+        self.observation_spec = composite(**(state | seen)).clone()
+        actions = self.world.actions
+        self.action_spec = (
+            Categorical(actions, **real) if isinstance(actions, int) else _spec(*actions, **real)
+        )
+        self.reward_spec = Unbounded(**real)
+        self.done_spec = composite(done=flag(), terminated=flag(), truncated=flag())
+
+
+def _spec(low: float, high: float, **real: Any) -> TensorSpec:
+    if (low, high) == (-inf, inf):
+        return Unbounded(**real)
+    return Bounded(low, high, **real)

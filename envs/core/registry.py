@@ -9,6 +9,9 @@ from envs.core.parameters import ConfigError, Parameters
 
 Entry = TypeVar("Entry")
 
+KIND = r"\w+|[\w.]+:\w+", "a name, or module:Class"
+"""The pattern of a kind, and the same in words."""
+
 
 def is_own(kind: object) -> bool:
     """Return whether a kind names a class of a user's own, as ``my_package.my_module:MyWorld``."""

@@ -28,6 +28,7 @@ class Stream(IntEnum):
 
     STEP = 0
     START = 1
+    CHANCE = 2
 
 
 def pcg4d(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
@@ -57,14 +58,15 @@ def draw(seed: Tensor, episode: Tensor, step: Tensor, stream: Stream) -> Words:
     Args:
         seed: the runs' seeds, int64 in [0, 2⁶³), any shape.
         episode: int64 in [0, 2³³), same shape.
-        step: int64 in [0, 2³¹), same shape.
+        step: int64 in [0, 2³⁰), same shape.
         stream: what the words are for.
 
     Returns:
         Four int32 tensors of that shape.
     """
     upper = (seed >> 32) | ((episode >> 32) << 31)  # 31 bits of the seed, one of the episode
-    counter = len(Stream) * step + stream
+    # Steps take the counter's lower 31 bits. The third stream begins where they end.
+    counter = 2 * step + stream if stream < Stream.CHANCE else 2**31 + step
     low_bits = (number.to(torch.int32) for number in (seed, upper, episode, counter))
     return pcg4d(*low_bits)
 

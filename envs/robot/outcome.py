@@ -13,8 +13,8 @@ def judge(
     time_limit_steps: int,
     catch_reward: float,
     miss_reward: float,
-) -> tuple[Tensor, Tensor]:
-    """The reward of a step and whether it ended the situation: a catch, or the time limit.
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Return the reward of a step, and whether it ended the situation, by a catch or else.
 
     Both are ends of the task itself (the miss is punished), so neither is a truncation.
 
@@ -26,9 +26,9 @@ def judge(
         catch_reward, miss_reward: what the two ends pay; every other step pays 0.
 
     Returns:
-        The reward, and whether the situation has terminated (bool), both of that shape.
+        The reward, and whether the situation has terminated, and by a catch (bool), of that shape.
     """
     caught = east_m.square() + north_m.square() < catch_distance_m * catch_distance_m
     terminated = caught | (step >= time_limit_steps)
     reward = torch.zeros_like(east_m).masked_fill(terminated, miss_reward)
-    return reward.masked_fill(caught, catch_reward), terminated
+    return reward.masked_fill(caught, catch_reward), terminated, caught

@@ -1,18 +1,16 @@
-"""The parameters of the follow-the-ball world; ``conf/env/follow_ball.yaml`` has the values."""
+"""The parameters of the robot's worlds; ``conf/env/`` has the values."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from math import pi
-from typing import Self
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from math import floor, pi
+from typing import ClassVar
 
-from envs.core.parameters import OutOfRange, Parameters, number, one_of, whole
-
-OBSERVATIONS = ("bearing",)
-"""The names under which the world offers what its robot sees."""
+from envs.core.parameters import OutOfRange, number, one_of, whole
+from envs.core.world import Range, WorldConfig
 
 
 @dataclass
-class World(Parameters):
+class FollowBallConfig(WorldConfig):
     """Robot, ball, vision and rewards: the units are in the names, the sources in the YAML file."""
 
     time_step_s: float = number(above=0)
@@ -21,35 +19,62 @@ class World(Parameters):
 
     circle_radius_m: float = number(above=0)
     start_angle_rad: float = number(0, pi)  # the ball's: φ0 ~ U(−start_angle_rad, start_angle_rad)
-    start_side: str = one_of("both", "left", "right")
-    switch_side_after: int = whole(0)
     ball_speed_min_radps: float = number(0)
     ball_speed_max_radps: float = number(0)
 
     catch_distance_m: float = number(above=0)
-    time_limit_steps: int = whole(1)
 
     bearing_noise_rad: float = number(0)
     field_of_view_rad: float = number(above=0, high=pi)  # to either side
-    other_view_rad: float = number(0, pi)  # at most; to the other side than start_side
 
     catch_reward: float = number(above=0)
-    miss_reward: float = number(high=0)  # what pays is a catch, and nothing else
+    miss_reward: float = number(high=0)
+
+    start_values: ClassVar = ("angle", "speed")  # the ball's φ0 in rad and ω_b in rad/s
 
     @property
-    def largest_return(self) -> float:
-        """No |return| is larger, whatever the discount: there is one reward, at the end."""
-        return max(self.catch_reward, -self.miss_reward)
+    def observations(self) -> Mapping[str, Range]:
+        """Δθ, the ball's bearing as the robot's head sees it, in rad."""
+        return {"bearing": (-self.field_of_view_rad, self.field_of_view_rad)}
+
+    @property
+    def actions(self) -> Range:
+        """Δv, the wheels' relative speed."""
+        return -1.0, 1.0
+
+    @property
+    def returns(self) -> Range:
+        """There is one reward, at the end."""
+        return self.miss_reward, self.catch_reward
+
+    @property
+    def fewest_steps(self) -> int:
+        """The ball is always R from where the robot starts."""
+        stride_m = self.speed_mps * self.time_step_s
+        way_m = self.circle_radius_m - self.catch_distance_m
+        return min(self.time_limit_steps, max(1, floor(way_m / stride_m)))
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """A slowest ball that is faster than the fastest; a switch of sides, and none named."""
+        """A slowest ball that is faster than the fastest."""
         slowest, fastest = self.ball_speed_min_radps, self.ball_speed_max_radps
         if slowest > fastest:
             at_most = f"at most ball_speed_max_radps={fastest}"
             yield OutOfRange("ball_speed_min_radps", slowest, at_most)
-        if self.start_side == "both" and self.switch_side_after:
-            yield OutOfRange("switch_side_after", self.switch_side_after, "0 with start_side=both")
 
-    def on_both_sides(self) -> Self:
-        """The same world, but the ball starts on either side and is seen there."""
-        return replace(self, start_side="both", switch_side_after=0)
+
+@dataclass
+class FollowOneSideConfig(FollowBallConfig):
+    """The same, but situations begin on one side of straight ahead, and later on the other.
+
+    The runs are tested where the ball starts on either side and is seen there.
+    """
+
+    start_side: str = one_of("left", "right")
+    switch_side_after: int = whole(0)
+    other_view_rad: float = number(0, pi)  # at most; to the other side than start_side
+
+    @property
+    def tested(self) -> FollowBallConfig:
+        """The world with both sides."""
+        shared = {item.name: getattr(self, item.name) for item in fields(FollowBallConfig)}
+        return FollowBallConfig(**(shared | {"kind": "follow_ball"}))

@@ -103,13 +103,16 @@ class NoisyPolicy(ExploringPolicy):
         return exploration.noisy_greedy(action_values, candidates, amount, u)
 
 
-_POLICIES = {
-    policy.amount_name: policy for policy in (EpsilonGreedyPolicy, BoltzmannPolicy, NoisyPolicy)
+POLICIES: dict[str, type[ExploringPolicy]] = {
+    "epsilon_greedy": EpsilonGreedyPolicy,
+    "boltzmann": BoltzmannPolicy,
+    "noise": NoisyPolicy,
 }
+"""The policies by their names (:data:`fnnq_torchrl.equations.names.EXPLORATIONS`)."""
 
 
 def make_policy(name: str, value_network: ValueNetwork, amount: Tensor | float) -> ExploringPolicy:
-    """The policy of that name.
+    """Return the policy of that name.
 
     Args:
         name: ``epsilon_greedy``, ``boltzmann`` or ``noise``.
@@ -119,6 +122,6 @@ def make_policy(name: str, value_network: ValueNetwork, amount: Tensor | float) 
     Raises:
         ValueError: there is no such policy.
     """
-    if name not in EXPLORATIONS:
-        raise ValueError(f"exploration={name!r}: must be one of {', '.join(EXPLORATIONS)}")
-    return _POLICIES[EXPLORATIONS[name]](value_network, amount)
+    if name not in POLICIES:
+        raise ValueError(f"exploration={name!r}: must be one of {', '.join(POLICIES)}")
+    return POLICIES[name](value_network, amount)

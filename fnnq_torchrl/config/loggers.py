@@ -1,4 +1,4 @@
-"""The schema of what is logged besides the result files; values and meaning: ``conf/logger/``."""
+"""The settings of the loggers: types and ranges. Values and meaning stand in ``conf/logger/``."""
 
 from dataclasses import dataclass
 
@@ -37,7 +37,7 @@ class MlflowConfig(Parameters):
 
 @dataclass
 class LoggerConfig(Parameters):
-    """The chosen loggers. None, which is no value but the absence of one: not chosen."""
+    """The chosen loggers; one that is None isn't chosen."""
 
     wandb: WandbConfig | None = None
     tensorboard: TensorboardConfig | None = None

@@ -4,39 +4,30 @@
 that a mistake is told before anything heavy is loaded.
 """
 
-import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, cast
-
-from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import (
-    ConfigAttributeError,
-    ConfigKeyError,
-    ConfigTypeError,
-    MissingMandatoryValue,
-    OmegaConfBaseException,
-    ValidationError,
-)
+from math import inf
+from typing import Any
 
 from envs.core.parameters import (
     ConfigError,
     OutOfRange,
     Parameters,
-    allowed,
     check,
     flag,
     matching,
     number,
     one_of,
-    pairs,
+    or_null,
     parameters,
     whole,
+    whole_or_rows,
 )
-from envs.core.registry import is_own, kinds_in_words, schema_of
-from envs.robot.schemas import World
+from envs.core.world import WorldConfig
+from envs.schemas import SCHEMAS as WORLDS
 from fnnq_torchrl.config.loggers import LoggerConfig
-from fnnq_torchrl.config.values import SCHEMAS
+from fnnq_torchrl.config.values import SCHEMAS as VALUES
+from fnnq_torchrl.config.values import ValueConfig
 from fnnq_torchrl.equations.names import EXPLORATIONS, STEP_SIZES, TRACES, VARIANTS
 
 __all__ = [
@@ -48,12 +39,6 @@ __all__ = [
     "EvaluationConfig",
     "MachineConfig",
     "OutOfRange",
-    "UnknownKey",
-    "flat",
-    "ranges_of",
-    "refusal",
-    "run_columns",
-    "to_config",
 ]
 
 PER_RUN = (
@@ -72,9 +57,9 @@ PER_RUN = (
 
 @dataclass
 class ActionConfig(Parameters):
-    """The actions among which the best is sought."""
+    """The actions among which the best is sought: so many of a range, or all of a fixed set."""
 
-    candidates: int = whole(2)
+    candidates: Any = or_null(whole(2))
 
 
 @dataclass
@@ -87,10 +72,21 @@ class MachineConfig(Parameters):
 
 @dataclass
 class EvaluationConfig(Parameters):
-    """When the runs are tested, and on which starts of the ball [angle, speed]."""
+    """When the runs are tested, and on which starts: fixed ones, or so many random ones."""
 
     every: int = whole(1)
-    situations: list[Any] = pairs("angle", "speed")
+    situations: Any = whole_or_rows(1, "start")
+
+    @property
+    def fixed(self) -> list[list[float]] | None:
+        """The fixed starts, if there are any."""
+        return self.situations if isinstance(self.situations, list) else None
+
+    @property
+    def tests(self) -> int:
+        """The number of situations in a test."""
+        fixed = self.fixed
+        return int(self.situations) if fixed is None else len(fixed)
 
 
 @dataclass
@@ -125,8 +121,8 @@ class Config(Parameters):
     situations: int = whole(1)
     resume: str = one_of("auto", "never")
 
-    env: World
-    value: Any = parameters(SCHEMAS)
+    env: Any = parameters(WORLDS)
+    value: Any = parameters(VALUES)
     action: ActionConfig
     evaluation: EvaluationConfig
     machine: MachineConfig
@@ -134,10 +130,23 @@ class Config(Parameters):
     logger: LoggerConfig = field(default_factory=LoggerConfig)  # of none but the result files
 
     def __post_init__(self) -> None:
+        if isinstance(self.value, ValueConfig) and isinstance(self.env, WorldConfig):
+            self.value = self.value.in_world(self.env)
         check(self)
 
+    @property
+    def largest_value(self) -> float:
+        """A run with a larger |Q| than this has diverged; infinity where no return is too large."""
+        returns = self.env.returns
+        return inf if returns is None else self.diverged_beyond * max(map(abs, returns))
+
+    @property
+    def best_score(self) -> int | None:
+        """The highest score of a test, if it counts successes."""
+        return self.evaluation.tests if self.env.tested.measure == "successes" else None
+
     def contradictions(self) -> Iterator[OutOfRange]:
-        """A constant that decays; learning beyond the last evaluation; seeds beyond 63 bits."""
+        """Yield the values that are fine alone but not together."""
         if self.step_size == "constant" and self.alpha_decay != 1:
             yield OutOfRange("alpha_decay", self.alpha_decay, "1 where step_size=constant")
         every = self.evaluation.every
@@ -147,138 +156,22 @@ class Config(Parameters):
         if self.seed + self.num_seeds > 2**63:
             highest = f"at most {2**63 - self.num_seeds}, for the last seed to fit 63 bits"
             yield OutOfRange("seed", self.seed, highest)
+        for misfit in self.value.misfits(self.env):
+            yield OutOfRange(f"value.{misfit.key}", misfit.value, misfit.allowed)
+        yield from self._misfits_of_the_world()
 
-
-def run_columns(config: Config) -> dict[str, list[float]]:
-    """The columns of the values that may differ from run to run.
-
-    Returns:
-        By each key of `PER_RUN`, a list of length ``num_seeds``: the seeds ``seed … seed +
-        num_seeds − 1`` as integers, and each other value repeated.
-    """
-    runs = range(config.num_seeds)
-    columns: dict[str, list[float]] = {key: [getattr(config, key) for _ in runs] for key in PER_RUN}
-    return columns | {"seed": [config.seed + run for run in runs]}
-
-
-def flat(settings: Mapping[str, Any], group: str = "") -> dict[str, Any]:
-    """Nested settings by their keys with groups, as in ``env.speed_mps``; lists are values."""
-    keys: dict[str, Any] = {}
-    for key, value in settings.items():
-        if isinstance(value, Mapping):
-            keys |= flat(value, f"{group}{key}.")
-        else:
-            keys[f"{group}{key}"] = value
-    return keys
-
-
-class UnknownKey(ConfigError):
-    """A key that the configuration doesn't have.
-
-    Args:
-        key: the key with its groups.
-        value: what was given, if that is known.
-        kind: which value function it is, if that is known.
-    """
-
-    def __init__(self, key: str, value: object, kind: str | None = None) -> None:
-        super().__init__(key, value, kind)
-        self.key, self.value, self.kind = key, value, kind
-
-    def __str__(self) -> str:
-        given = self.key if self.value is None else f"{self.key}={self.value}"
-        return f"{given}: there is no {self.key}; {_advice(self.key, self.kind)}"
-
-
-def to_config(node: DictConfig) -> Config:
-    """The valid `Config` of composed values.
-
-    Args:
-        node: a mapping with all the keys, typed or plain: a saved ``.hydra/config.yaml`` will do.
-
-    Raises:
-        ConfigError: a key is missing or unknown, or its value isn't allowed.
-    """
-    # As a plain mapping, so that the schema refuses what Hydra lets in by `+key=value`.
-    plain = cast(dict[str, Any], OmegaConf.to_container(node))
-    kind = _kind(plain)
-    schema = OmegaConf.structured(Config)
-    if kind is not None:
-        schema.value = OmegaConf.structured(schema_of(kind, SCHEMAS))
-    try:
-        return cast(Config, OmegaConf.to_object(OmegaConf.merge(schema, plain)))
-    except OmegaConfBaseException as error:
-        value = OmegaConf.select(node, error.full_key or "", throw_on_resolution_failure=False)
-        raise refusal(error, value, kind) from error
-
-
-def _kind(plain: dict[str, Any]) -> str | None:
-    """Which value function composed values are of; none if they leave it out.
-
-    Raises:
-        OutOfRange: there is no such value function.
-    """
-    value = plain.get("value", "???")
-    if value == "???":
-        return None
-    if not isinstance(value, dict):
-        raise OutOfRange("value", value, allowed(Config)["value"])
-    kind = value.get("kind", "???")
-    if kind not in SCHEMAS and not is_own(kind):
-        raise OutOfRange("value.kind", kind, kinds_in_words(SCHEMAS))
-    return cast(str, kind)
-
-
-def refusal(error: OmegaConfBaseException, given: object, kind: str | None = None) -> ConfigError:
-    """What OmegaConf refuses, in one line that says what is allowed.
-
-    Args:
-        error: OmegaConf's own, which takes several lines and doesn't say.
-        given: what the user gave for the key, for the errors that don't hold it.
-        kind: which value function it is, if that is known.
-    """
-    key, ranges = error.full_key or "", ranges_of(kind)
-    if isinstance(error, ConfigKeyError | ConfigAttributeError):
-        return UnknownKey(key, given, kind)
-    # What stands in a mapping has no range of its own but the mapping's.
-    words = ranges.get(key) or ranges.get(_group(key))
-    if below := [_name(each) for each in ranges if each.startswith(f"{key}.")]:
-        words = words or f"a mapping of {', '.join(below)}"
-    if isinstance(error, MissingMandatoryValue) and words:
-        return OutOfRange(key, "???", words)
-    if isinstance(error, ValidationError | ConfigTypeError) and words:
-        value = getattr(error, "value", None)
-        return OutOfRange(key, given if value is None else value, words)
-    return ConfigError(f"{key}: {str(error).splitlines()[0]}")
-
-
-def ranges_of(kind: str | None = None) -> dict[str, str]:
-    """What each key may hold, in words that complete "must be".
-
-    Args:
-        kind: of value function; the keys of all kinds, if not given.
-    """
-    ranges = allowed(Config)
-    for schema in SCHEMAS.values() if kind is None else [schema_of(kind, SCHEMAS)]:
-        ranges |= allowed(schema, "value.")
-    return ranges | {"value.kind": kinds_in_words(SCHEMAS)}
-
-
-def _advice(unknown: str, kind: str | None) -> str:
-    """Points to the key of the same name elsewhere, or to the nearest spelling beside it."""
-    keys = [*ranges_of(kind)]
-    keys += dict.fromkeys(_group(key) for key in keys if _group(key))
-    beside = {_name(key): key for key in keys if _group(key) == _group(unknown)}
-    same = [key for key in keys if _name(key) == _name(unknown)]
-    near = difflib.get_close_matches(_name(unknown), beside, n=1)
-    if meant := same or [beside[name] for name in near]:
-        return f"did you mean {' or '.join(meant)}?"
-    return f"there is {', '.join(beside.values()) or _group(unknown)}"
-
-
-def _group(key: str) -> str:
-    return key.rpartition(".")[0]
-
-
-def _name(key: str) -> str:
-    return key.rpartition(".")[2]
+    def _misfits_of_the_world(self) -> Iterator[OutOfRange]:
+        """Yield actions and starts that the world doesn't offer."""
+        candidates, actions = self.action.candidates, self.env.actions
+        if isinstance(actions, int) and candidates is not None:
+            allowed = f"null, for all {actions} actions of {self.env.kind}"
+            yield OutOfRange("action.candidates", candidates, allowed)
+        if not isinstance(actions, int) and candidates is None:
+            allowed = f"a number, of a range of actions as {self.env.kind} has"
+            yield OutOfRange("action.candidates", candidates, allowed)
+        fixed, values = self.evaluation.fixed, self.env.start_values
+        if fixed is not None and any(len(start) != len(values) for start in fixed):
+            allowed = f"a list of starts [{', '.join(values)}], or a whole number of random ones"
+            if not values:
+                allowed = f"a whole number of random starts: {self.env.kind} has no fixed ones"
+            yield OutOfRange("evaluation.situations", self.evaluation.situations, allowed)

@@ -1,12 +1,13 @@
-"""The schemas of ``conf/value/``: the keys of every kind of value function. No torch here.
+"""The schemas of ``conf/value/``: the keys of every value function. No torch here.
 
 ``fnnq_torchrl.agent.values`` has the network of each. A value function of a user's own, whose kind
 is ``module:Class``, has its schema in its class.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Any, ClassVar, Self
 
 from envs.core.parameters import (
     OutOfRange,
@@ -15,13 +16,15 @@ from envs.core.parameters import (
     matching,
     number,
     one_of,
+    or_null,
     pairs,
     rising_pair,
-    some_of,
+    texts,
     whole,
     wholes,
 )
-from envs.robot.schemas import OBSERVATIONS
+from envs.core.registry import KIND
+from envs.core.world import WorldConfig
 
 __all__ = [
     "ACTIVATIONS",
@@ -33,14 +36,33 @@ __all__ = [
 ]
 
 ACTIVATIONS = ("tanh", "relu", "leaky_relu")
-"""What the hidden units of an MLP do."""
+"""The activation functions of an MLP's hidden units."""
 
 
 @dataclass
 class ValueConfig(Parameters):
-    """What every value function has: its kind."""
+    """What every value function has: its kind, and inputs by the names of observations."""
 
-    kind: str = matching(r"\w+|[\w.]+:\w+", "the name of a value function, or module:Class")
+    kind: str = matching(*KIND)
+
+    of_each_input: ClassVar[str] = "an entry"
+    """What ``inputs`` has of each observation, with its article."""
+
+    def in_world(self, world: WorldConfig) -> Self:
+        """Return the same with what is left to the world filled in."""
+        return self
+
+    def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
+        """Yield inputs that the world doesn't offer, or that there are none."""
+        inputs, names = getattr(self, "inputs", None), ", ".join(world.observations)
+        if inputs is not None and not inputs:
+            yield OutOfRange("inputs", inputs, f"{self.of_each_input} for at least one of: {names}")
+        for name in inputs or ():
+            if name not in world.observations and isinstance(inputs, dict):
+                given = inputs[name]
+                yield OutOfRange(f"inputs.{name}", given, f"under the name of one of: {names}")
+            elif name not in world.observations:
+                yield OutOfRange("inputs", inputs, f"a list of at least one of: {names}")
 
 
 @dataclass
@@ -51,34 +73,50 @@ class LabelsConfig(ValueConfig):
     action: list[Any] = pairs("centre", "width", above=0)
     width: str = one_of("sigma", "variance")
 
-    def contradictions(self) -> Iterator[OutOfRange]:
-        """Inputs that the world doesn't offer, or none at all."""
-        yield from _unknown(self.inputs, "labels")
+    of_each_input: ClassVar = "labels"
 
 
 @dataclass
 class TilesConfig(ValueConfig):
     """Grids of tiles over the ranges [low, high] of every input and of the action."""
 
-    inputs: dict[str, list[Any]] = rising_pair("low", "high")
-    action: list[Any] = rising_pair("low", "high")
+    inputs: Any = or_null(rising_pair("low", "high"))
+    action: Any = or_null(rising_pair("low", "high"))
     tilings: int = whole(1)
     tiles: int = whole(1)
 
-    def contradictions(self) -> Iterator[OutOfRange]:
-        """Inputs that the world doesn't offer, or none at all."""
-        yield from _unknown(self.inputs, "a range")
+    of_each_input: ClassVar = "a range"
+
+    def in_world(self, world: WorldConfig) -> Self:
+        """Return the same with the world's own ranges where there are none."""
+        spans = {name: [*span] for name, span in world.observations.items()}
+        actions = world.actions
+        last = [0.0, actions - 1.0] if isinstance(actions, int) else [*actions]
+        return replace(self, inputs=self.inputs or spans, action=self.action or last)
+
+    def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
+        """Yield unknown inputs, and ranges without an end."""
+        yield from super().misfits(world)
+        for name, span in (self.inputs or {}).items():
+            if not all(map(isfinite, span)):
+                yield OutOfRange(f"inputs.{name}", span, "a pair [low, high] of finite numbers")
 
 
 @dataclass
 class MLPConfig(ValueConfig):
     """A multilayer perceptron of the inputs and the action."""
 
-    inputs: list[str] = some_of(*OBSERVATIONS)
+    inputs: Any = or_null(texts(most=64))
     widths: list[int] = wholes(1)
     activation: str = one_of(*ACTIVATIONS)
     layer_norm: bool = flag()
     sparsity: float = number(0, 1)
+
+    of_each_input: ClassVar = "the names"
+
+    def in_world(self, world: WorldConfig) -> Self:
+        """Return the same with all that the world offers as inputs where there are none."""
+        return self if self.inputs is not None else replace(self, inputs=[*world.observations])
 
 
 SCHEMAS: dict[str, type[ValueConfig]] = {
@@ -89,12 +127,3 @@ SCHEMAS: dict[str, type[ValueConfig]] = {
     "tiles": TilesConfig,
 }
 """The schemas of the value functions, by their names in ``conf/value/``."""
-
-
-def _unknown(inputs: dict[str, list[Any]], what: str) -> Iterator[OutOfRange]:
-    names = ", ".join(OBSERVATIONS)
-    if not inputs:
-        yield OutOfRange("inputs", inputs, f"{what} for at least one of: {names}")
-    for name, given in inputs.items():
-        if name not in OBSERVATIONS:
-            yield OutOfRange(f"inputs.{name}", given, f"under the name of one of: {names}")

@@ -34,6 +34,7 @@ class Engine:
 
     Attributes:
         name: ``eager`` or ``compiled``.
+        why: which it is and why, in a line.
         make_loop: makes loops of steps.
         workers: threads that pay, each with lanes of its own. Eager steps have one: modules whose
             weights are replaced for a call can't be shared.
@@ -42,6 +43,7 @@ class Engine:
     """
 
     name: str
+    why: str
     make_loop: MakeLoop
     workers: int
     most_lanes: int
@@ -51,26 +53,53 @@ class Engine:
         return threads_for(elements if self.name == "eager" else 0)
 
 
-def make_engine(name: str, device: torch.device) -> Engine:
-    """The engine of that name.
+def choose_engine(config: Config, runs: int) -> Engine:
+    """Return the engine for a batch of runs.
+
+    ``engine=auto`` compares the work ahead with the time that compiling takes.
+
+    Args:
+        config: of the batch.
+        runs: how many there are.
+
+    Raises:
+        ConfigError: it is to compile, and there is no C++ compiler.
+    """
+    device = torch.device(config.machine.device)
+    if config.engine != "auto":
+        return make_engine(config.engine, device, f"engine: {config.engine}, as asked for")
+    if not compiler_found():
+        return make_engine(
+            "eager", device, "engine: eager, since there is no C++ compiler that works"
+        )
+    steps = int(config.situations * config.env.time_limit_steps * _MEAN_SITUATION)
+    about = f"about {steps:,} steps of {runs:,} runs"
+    if steps < _WORTH_COMPILING[device.type]:
+        return make_engine("eager", device, f"engine: eager, since {about} are not worth compiling")
+    return make_engine("compiled", device, f"engine: compiled, since {about} are worth it")
+
+
+def make_engine(name: str, device: torch.device, why: str = "") -> Engine:
+    """Return the engine of that name.
 
     Args:
         name: ``eager`` or ``compiled``.
         device: where the tensors are.
+        why: a line that says why it is this one.
 
     Raises:
         ConfigError: it compiles, and there is no C++ compiler.
     """
     if name == "eager":
-        return Engine(name, EagerLoop, workers=1, most_lanes=2**14)
+        return Engine(name, why, EagerLoop, workers=1, most_lanes=2**14)
     if not compiler_found():
         raise ConfigError(
             f"engine=compiled: needs a C++ compiler, and there is no {compiler()}; "
             "install one, name another in CXX, or take engine=eager"
         )
     if device.type == "cuda":
-        return Engine(name, _inductor_loop, workers=1, most_lanes=2**17)
-    return Engine(name, _native_loop, workers=torch.get_num_threads(), most_lanes=2**11)
+        return Engine(name, why, _inductor_loop, workers=1, most_lanes=2**17)
+    return Engine(name, why, _native_loop, workers=torch.get_num_threads(), most_lanes=2**11)
 
 
 def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
@@ -84,24 +113,10 @@ def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBa
 
 
 def _inductor_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
-    # Where later jobs find it: torch's own default is a temporary directory.
-    os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(cache_directory() / "inductor"))
+    # Where later jobs find it: torch's own default is a temporary directory. By processor, since
+    # machines may share a home, and torch takes one's programs for another's.
+    cache = cache_directory() / "inductor" / torch.backends.cpu.get_cpu_capability()
+    os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(cache))
     from fnnq_torchrl.engine.inductor import InductorLoop  # not before: it takes long to import
 
     return InductorLoop(make_step, stays, state)
-
-
-def choose(config: Config) -> tuple[str, str]:
-    """The engine for a job, and one line that says which and why.
-
-    ``auto`` compares the work ahead with the time that compiling takes.
-    """
-    if config.engine != "auto":
-        return config.engine, f"engine: {config.engine}, as asked for"
-    if not compiler_found():
-        return "eager", "engine: eager, since there is no C++ compiler that works"
-    steps = int(config.situations * config.env.time_limit_steps * _MEAN_SITUATION)
-    about = f"about {steps:,} steps of {config.num_seeds:,} runs"
-    if steps < _WORTH_COMPILING[config.machine.device.partition(":")[0]]:
-        return "eager", f"engine: eager, since {about} are not worth compiling"
-    return "compiled", f"engine: compiled, since {about} are worth it"

@@ -1,13 +1,17 @@
-"""The names of the choices that the equations know. No torch here."""
+"""The names of the choices that the equations know. No torch here.
+
+The registries have a class for each: :data:`.q_lambda.VARIANTS`, :data:`.traces.TRACES`,
+:data:`.step_size.STEP_SIZES` and, with the policies, :data:`fnnq_torchrl.agent.policy.POLICIES`.
+"""
 
 VARIANTS = ("peng", "watkins", "naive")
-"""Whose Q(λ) it is (`.q_lambda.Rule`)."""
+"""Whose Q(λ) it is."""
 
 TRACES = ("output", "gradient", "replacing", "window")
-"""What the trace is; the first two are the readings of step h (`.q_lambda.Rule`)."""
+"""What the trace is; the first two are the readings of step h."""
 
 STEP_SIZES = ("decay", "constant", "obgd", "alpha_bound")
-"""How large a step is (`fnnq_torchrl.equations.step_size.StepSize`)."""
+"""The rules for the size of a step."""
 
 EXPLORATIONS = {"epsilon_greedy": "epsilon", "boltzmann": "temperature", "noise": "noise_std"}
-"""The ways to explore, each with the key that says how much (`fnnq_torchrl.agent.policy`)."""
+"""The ways to explore, each with the key that says how much."""

@@ -1,52 +1,112 @@
-"""How large a step is along its direction. The runs are the last dimension.
+"""The size of a step along its direction. The runs are the last dimension.
 
 Δw = α(δe + δ′∇Q(s, a)), and two rules look at that direction before they say what α is. They know
 it by the trace with the present pair in it, z = γλe + ∇Q(s, a), which is Δw/α of a step whose two
-errors are 1 (:func:`.q_lambda.present_trace`). Watkins' and naive Q(λ) go along δ′z, as
-the learners of both sources do. Peng's has two errors. ``obgd`` takes the larger of them; what
+errors are 1 (:meth:`.q_lambda.Rule.present_trace`). Watkins' and naive Q(λ) go along δ′z, as the
+learners of both sources do. Peng's has two errors. ``obgd`` takes the larger of them; what
 ``alpha_bound`` says of signs holds for a greedy action, which makes them the same, and else is a
 rule of thumb.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from fnnq_torchrl.equations.names import STEP_SIZES
-
 
 @dataclass(frozen=True)
-class StepSize:
-    """Which step size it is.
+class Direction:
+    """What may be asked of a step before it is taken; nothing is computed that nobody asks for.
 
-    * ``decay``, the paper's: α, multiplied by its decay after each catch; ``constant``: without.
-    * ``obgd`` and ``alpha_bound``: that α, bounded by :func:`obgd` anew in each step or by
-      :func:`alpha_bound` for good.
+    Attributes:
+        present_trace: returns z, tensors ``[*weights, runs]``.
+        largest_error: returns |δ|, of several errors the largest, ``[runs]``.
+        error_slope: returns ∇δ′ = γφ′ − φ with φ = ∇Q(s, a), φ′ = ∇V(s′), as z.
+    """
+
+    present_trace: Callable[[], Sequence[Tensor]]
+    largest_error: Callable[[], Tensor]
+    error_slope: Callable[[], Sequence[Tensor]]
+
+
+class StepSize:
+    """The paper's step size: α, multiplied by its decay after each success; 1 keeps it constant."""
+
+    def start(self, alpha: Tensor) -> Tensor:
+        """Return α before the first step, shaped as it is given."""
+        return alpha.clone()
+
+    def update(
+        self, alpha: Tensor, kappa: Tensor | None, direction: Direction
+    ) -> tuple[Tensor, Tensor]:
+        """Return α of this step, and α from which later ones go on.
+
+        Args:
+            alpha: α so far, ``[runs]``.
+            kappa: κ of :func:`obgd`, ``[runs]``.
+            direction: of the step.
+
+        Returns:
+            Each ``[runs]``.
+        """
+        return alpha, alpha
+
+
+class ObGD(StepSize):
+    """That α, bounded by :func:`obgd` in each step anew."""
+
+    def update(
+        self, alpha: Tensor, kappa: Tensor | None, direction: Direction
+    ) -> tuple[Tensor, Tensor]:
+        if kappa is None:
+            raise ValueError("ObGD needs kappa")
+        error, trace = direction.largest_error(), direction.present_trace()
+        return obgd(alpha, kappa, error, trace), alpha
+
+
+class AlphaBound(StepSize):
+    """That α, bounded by :func:`alpha_bound` for good."""
+
+    def update(
+        self, alpha: Tensor, kappa: Tensor | None, direction: Direction
+    ) -> tuple[Tensor, Tensor]:
+        bounded = alpha_bound(alpha, direction.present_trace(), direction.error_slope())
+        return bounded, bounded
+
+
+STEP_SIZES: dict[str, type[StepSize]] = {
+    "decay": StepSize,
+    "constant": StepSize,  # which has a decay of 1
+    "obgd": ObGD,
+    "alpha_bound": AlphaBound,
+}
+"""The step sizes by their names (:data:`fnnq_torchrl.equations.names.STEP_SIZES`)."""
+
+
+def make_step_size(name: str) -> StepSize:
+    """Return the step size of that name.
 
     Raises:
-        ValueError: there is no such step size.
+        ValueError: there is none.
     """
-
-    kind: str = "decay"
-
-    def __post_init__(self) -> None:
-        if self.kind not in STEP_SIZES:
-            *others, last = STEP_SIZES
-            raise ValueError(f"step_size={self.kind!r}: must be {', '.join(others)} or {last}")
+    if name not in STEP_SIZES:
+        *others, last = STEP_SIZES
+        raise ValueError(f"step_size={name!r}: must be {', '.join(others)} or {last}")
+    return STEP_SIZES[name]()
 
 
-def decayed(alpha: Tensor, decay: Tensor, reward: Tensor) -> Tensor:
-    """α ← decay·α where the reward was positive; all ``[runs]``.
+def decayed(alpha: Tensor, decay: Tensor, success: Tensor) -> Tensor:
+    """Return decay·α where an episode has succeeded (bool), and α elsewhere; all ``[runs]``.
 
-    The paper: «we decreased α whenever the agent got reward», without a figure.
+    The paper: «we decreased α whenever the agent got reward», without a figure. Its robot gets a
+    reward when it catches the ball.
     """
-    return torch.where(reward > 0, decay * alpha, alpha)
+    return torch.where(success, decay * alpha, alpha)
 
 
 def obgd(alpha: Tensor, kappa: Tensor, error: Tensor, trace: Sequence[Tensor]) -> Tensor:
-    """The step size of overshooting-bounded gradient descent, ObGD.
+    """Return the step size of overshooting-bounded gradient descent, ObGD.
 
         α / max(M, 1) with M = ακδ̄‖z‖₁, δ̄ = max(|δ|, 1)
 
@@ -68,7 +128,7 @@ def obgd(alpha: Tensor, kappa: Tensor, error: Tensor, trace: Sequence[Tensor]) -
 
 
 def alpha_bound(alpha: Tensor, trace: Sequence[Tensor], error_slope: Sequence[Tensor]) -> Tensor:
-    """The step size by the α bound: the largest so far that turned the sign of no TD error.
+    """Return the step size by the α bound: the largest so far that turned the sign of no TD error.
 
         α ← min(α, 1/|z·(γφ′ − φ)|) where z·(γφ′ − φ) < 0, with φ = ∇Q(s, a), φ′ = ∇V(s′)
 
@@ -88,5 +148,5 @@ def alpha_bound(alpha: Tensor, trace: Sequence[Tensor], error_slope: Sequence[Te
 
 
 def _total(tensors: Iterable[Tensor]) -> Tensor:
-    """The sum over all weights: from tensors ``[*weights, runs]`` to ``[runs]``."""
+    """Return the sum over all weights: from tensors ``[*weights, runs]`` to ``[runs]``."""
     return torch.stack([x.flatten(0, -2).sum(0) for x in tensors]).sum(0)

@@ -1,7 +1,6 @@
 """Files that are there whole or not at all."""
 
 import os
-import re
 import secrets
 import sys
 from collections.abc import Iterator
@@ -12,8 +11,9 @@ from typing import BinaryIO
 if sys.platform != "win32":
     import fcntl
 
-_TEMPORARY = re.compile(r"\..+\.[0-9a-f]{16}\.tmp")
-"""The names of files that aren't complete."""
+_TOKEN_BYTES = 8
+_UNFINISHED = ".*." + 2 * _TOKEN_BYTES * "[0-9a-f]" + ".tmp"
+"""The names of files that are being written, as a pattern for `Path.glob`."""
 
 
 @contextmanager
@@ -26,19 +26,18 @@ def atomic_write(path: Path, *, durable: bool = True) -> Iterator[BinaryIO]:
 
     Args:
         path: the file.
-        durable: wait for the disk, lest a power failure leave the file empty; a mere kill doesn't.
+        durable: wait for the disk. Without it, a power failure may leave the file empty; a killed
+            process can't.
 
     Raises:
         OSError: the directory is missing or read-only, or the disk is full; names ``path``.
     """
     # In the same directory, since a rename is atomic within one file system only. Not tempfile,
     # whose files are private to the user whatever the umask.
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(8)}.tmp")  # see _TEMPORARY
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(_TOKEN_BYTES)}.tmp")
     try:
         with open(temporary, "xb") as file:
             try:
-                with suppress(OSError):  # a file system may know no locks
-                    _lock(file)
                 yield file
                 file.flush()
                 if durable:
@@ -57,17 +56,11 @@ def atomic_write(path: Path, *, durable: bool = True) -> Iterator[BinaryIO]:
 def clear_leftovers(directory: Path) -> None:
     """Remove the hidden files that killed processes have left of :func:`atomic_write`.
 
-    Those that a living process is writing are locked by it, and stay.
+    Nothing else may be writing in the directory.
     """
-    for leftover in directory.glob(".*.tmp"):
-        if _TEMPORARY.fullmatch(leftover.name) is None:
-            continue
-        try:
-            with open(leftover, "rb") as file:
-                _lock(file)
-                leftover.unlink()
-        except OSError:  # it is being written, is somebody else's, or is gone
-            continue
+    for leftover in directory.glob(_UNFINISHED):
+        with suppress(OSError):  # another user's
+            leftover.unlink()
 
 
 @contextmanager
@@ -87,13 +80,3 @@ def alone_in(directory: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-
-
-def _lock(file: BinaryIO) -> None:
-    """For as long as the file is open, and the process lives.
-
-    Raises:
-        OSError: somebody else has it, or the file system knows no locks.
-    """
-    if sys.platform != "win32":  # which lets nobody remove a file that is open
-        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)

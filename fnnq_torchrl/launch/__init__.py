@@ -1,1 +1,1 @@
-"""The command line and sweeps. Only this room imports Hydra."""
+"""The command line and sweeps. Of the package, only this room imports Hydra."""

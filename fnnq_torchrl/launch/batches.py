@@ -1,18 +1,37 @@
-"""Which jobs of a sweep train side by side, in one batch of runs."""
+"""The batches of a sweep: jobs that train side by side."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
+from typing import TYPE_CHECKING, Protocol
 
 from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.training.jobs import BATCHABLE, Job
+from fnnq_torchrl.training.jobs import BATCHABLE, Job, Result
+from fnnq_torchrl.training.resume.interruptions import Interruptions
+
+if TYPE_CHECKING:
+    from fnnq_torchrl.training.loggers import Loggers
+
+
+class RunBatches(Protocol):
+    """Runs the jobs of each batch and yields their results: `.training.job.run_batches`."""
+
+    def __call__(
+        self,
+        batches: Sequence[Sequence[Job]],
+        *,
+        pictures: bool,
+        loggers: "Loggers | None" = None,
+        interruptions: Interruptions | None = None,
+    ) -> Iterator[Sequence[Result]]: ...
 
 
 def in_batches(jobs: Iterable[Job], most_runs: int) -> list[list[Job]]:
-    """Shares jobs out to batches, each in the jobs' order.
+    """Share jobs out to batches, each in the jobs' order.
 
     Args:
         jobs: in any order; those that can't be in one batch are not.
-        most_runs: of a batch. A job isn't split: one with more runs is a batch of its own.
+        most_runs: the runs that a batch may have. A job isn't split: one with more is a batch of
+            its own.
     """
     batches: list[list[Job]] = []
     open_batches: dict[str, tuple[list[Job], int]] = {}  # the last of each kind, and its runs
@@ -28,5 +47,5 @@ def in_batches(jobs: Iterable[Job], most_runs: int) -> list[list[Job]]:
 
 
 def _kind(config: Config) -> str:
-    """The same text for all that can be in one batch, and for no other."""
+    """Return the same text for all jobs that can be in one batch, and for no other."""
     return repr({key: value for key, value in asdict(config).items() if key not in BATCHABLE})

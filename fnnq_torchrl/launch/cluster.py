@@ -6,7 +6,8 @@ from typing import Any
 
 from fnnq_torchrl.config.launcher import LauncherConfig
 from fnnq_torchrl.config.schema import ConfigError
-from fnnq_torchrl.training.jobs import Job, JobFailed, Result, RunBatches
+from fnnq_torchrl.launch.batches import RunBatches
+from fnnq_torchrl.training.jobs import Job, JobFailed, Result
 from fnnq_torchrl.training.results import read_summary
 from fnnq_torchrl.training.resume.interruptions import Interruptions
 from fnnq_torchrl.training.terminal import announce
@@ -19,43 +20,46 @@ _MOST_TIMEOUTS = 100
 
 
 class BatchTask:
-    """What a task of the cluster runs, and runs once more when submitit requeues it.
+    """A task of the cluster, which runs once more when submitit requeues it.
 
     Args:
         run_batches: trains.
-        pictures: see there.
+        pictures: each job gets its ``learning_curve.png``.
     """
 
     def __init__(self, run_batches: RunBatches, pictures: bool) -> None:
         self._run_batches, self._pictures = run_batches, pictures
+        self._interruptions: Interruptions | None = None  # of the work at hand
 
     def __call__(self, batch: Sequence[Job]) -> list[Result]:
-        """Train the jobs that have no result yet: none of them, if nothing was interrupted.
+        """Train the jobs that have no result yet, and return the results of all.
 
         Raises:
             submitit.core.utils.UncompletedJobError: the task came to its time limit too often.
         """
         from submitit.core.utils import UncompletedJobError
 
-        found = {job.directory: _finished(job) for job in batch}
-        missing = [job for job in batch if found[job.directory] is None]
-        results: dict[Path, Result] = {
-            directory: objective for directory, objective in found.items() if objective is not None
-        }
-        for new in self._run_batches([missing] if missing else [], pictures=self._pictures):
-            for result in new:
+        results: dict[Path, Result] = {job.directory: _finished(job) for job in batch}
+        missing = [job for job in batch if results[job.directory] is None]
+        if not missing:
+            return list(results.values())
+        self._interruptions = Interruptions(missing[0].config.checkpoint.every_s)
+        for new in self._run_batches(
+            [missing], pictures=self._pictures, interruptions=self._interruptions
+        ):
+            for job, result in zip(missing, new, strict=True):
                 if isinstance(result, UncompletedJobError):  # the task's, not the job's
                     raise result
-            results |= zip((job.directory for job in missing), new, strict=True)
-        return [results[job.directory] for job in batch]
+                results[job.directory] = result
+        return list(results.values())
 
     def checkpoint(self, batch: Sequence[Job]) -> Any:
-        """The same again; what is done by now is in the jobs' directories."""
+        """Return the same task once more; what is done by now is in the jobs' directories."""
         from submitit.helpers import DelayedSubmission
 
-        if (work := Interruptions.current) is not None:
-            work.save_now(_SAVE_S)
-        return DelayedSubmission(self, batch)
+        if self._interruptions is not None:
+            self._interruptions.save_now(_SAVE_S)
+        return DelayedSubmission(BatchTask(self._run_batches, self._pictures), batch)
 
 
 def run_on_cluster(
@@ -66,13 +70,13 @@ def run_on_cluster(
     *,
     pictures: bool,
 ) -> Iterator[Sequence[Result]]:
-    """Each batch as one task of an array, all at once.
+    """Run each batch as one task of an array, all at once.
 
     Args:
         run_batches: trains; must be picklable, by cloudpickle.
         batches: of jobs whose directories the tasks' machines see too.
-        settings: where, and what each task is given.
-        folder: for what submitit keeps of the tasks, the output of each among it.
+        settings: where to run, and what each task is given.
+        folder: takes what submitit keeps of the tasks, the output of each among it.
         pictures: as for ``run_batches``.
 
     Yields:
@@ -85,17 +89,16 @@ def run_on_cluster(
     asked = f"hydra.launcher.cluster={settings.cluster}"
     try:
         import submitit
-    except ImportError as error:
-        raise ConfigError(
-            f"{asked}: needs submitit; pip install 'fnnq_torchrl[cluster]'"
-        ) from error
-    try:
+
         executor = submitit.AutoExecutor(
             folder,
             cluster=settings.cluster,
             slurm_max_num_timeout=_MOST_TIMEOUTS,
             local_max_num_timeout=_MOST_TIMEOUTS,
         )
+    except ImportError as error:
+        needs = "needs submitit; pip install 'fnnq_torchrl[cluster]'"
+        raise ConfigError(f"{asked}: {needs}") from error
     except RuntimeError as error:
         raise ConfigError(f"{asked}: {error}") from error
     executor.update_parameters(
@@ -124,7 +127,7 @@ def run_on_cluster(
 
 
 def _finished(job: Job) -> float | None:
-    """The objective, if the job's directory has it."""
+    """Return the objective, if the job's directory has it."""
     try:
         return read_summary(job.directory / "summary.json")["mean_score"]
     except (FileNotFoundError, ValueError):  # none, or a damaged one

@@ -3,19 +3,26 @@
 import difflib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from traceback import walk_tb
 
 from hydra import compose, initialize_config_dir, version
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override, ValueType
 from hydra.core.utils import JobRuntime
-from hydra.errors import HydraException, MissingConfigException, OverrideParseException
+from hydra.errors import (
+    ConfigCompositionException,
+    MissingConfigException,
+    OverrideParseException,
+)
 from omegaconf.errors import OmegaConfBaseException
 
 from envs.core.parameters import allowed
+from fnnq_torchrl.config.checking import refusal, to_config
 from fnnq_torchrl.config.choices import choices_of, config_directory
 from fnnq_torchrl.config.launcher import LauncherConfig
-from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange, refusal, to_config
+from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
+from fnnq_torchrl.launch.from_job import SAVED, choose_primary
 
 VERSION_BASE = "1.3"  # of Hydra, whose defaults change with it
 
@@ -24,9 +31,9 @@ ConfigStore.instance().store(name="schema", node=Config)
 
 
 def load_config(*overrides: str) -> Config:
-    """The configuration that a command would train with: ``load_config("lam=0.8", "seed=3")``.
+    """Return the configuration that a command would train with.
 
-    Works anywhere, inside another Hydra application too.
+    ``load_config("lam=0.8", "seed=3")`` works anywhere, inside another Hydra application too.
 
     Args:
         *overrides: as on the command line, without sweeps.
@@ -34,123 +41,100 @@ def load_config(*overrides: str) -> Config:
     Raises:
         ConfigError: a key is unknown or its value isn't allowed.
     """
-    try:
-        with _hydra():
-            return to_config(compose("config", list(overrides)))
-    except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, overrides) from error
-    except Exception as error:
-        if not is_of_hydra(error):
-            raise
-        raise explain(error, overrides) from error
+    primary, others = choose_primary(overrides)
+    with composing(others), _hydra():
+        return to_config(compose(primary, others))
 
 
-def is_of_hydra(error: Exception) -> bool:
-    """Whether it is Hydra that can't do what it was asked for, and no job has begun to fail."""
-    modules = [frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__)]
-    known = [name.partition(".")[0] for name in modules]
-    known = [name for name in known if name in ("hydra", "omegaconf", "fnnq_torchrl", "envs")]
-    return known[-1:] in (["hydra"], ["omegaconf"]) and "fnnq_torchrl.training.job" not in modules
-
-
-def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
-    """One line for an error on which Hydra spends several, without saying what is allowed.
+@contextmanager
+def composing(overrides: Sequence[str]) -> Iterator[None]:
+    """A block in which a configuration is composed: what fails in it is in what was typed.
 
     Args:
-        error: what composing a configuration raised: mostly Hydra's or OmegaConf's own, but Hydra
-            stumbles over some input by errors of other kinds.
-        overrides: the arguments it was composed with.
+        overrides: what it is composed of.
+
+    Raises:
+        ConfigError: the error in one line.
     """
-    if "group override must be" in str(error):
-        return _no_choice(overrides)
-    if isinstance(error, AssertionError) and (unchosen := _unchosen(overrides)):
-        return unchosen
+    try:
+        yield
+    except ConfigError:
+        raise
+    except Exception as error:
+        raise explain(error, overrides) from error
+
+
+def explain(error: Exception, overrides: Sequence[str], *, multirun: bool = False) -> ConfigError:
+    """Return one line for an error on which Hydra spends several, without saying what is allowed.
+
+    Args:
+        error: raised while a configuration was composed. Mostly it is Hydra's or OmegaConf's own,
+            but Hydra stumbles over some input by errors of other kinds.
+        overrides: what it was composed of.
+        multirun: the overrides are those of a sweep.
+    """
+    try:
+        parsed = OverridesParser.create().parse_overrides(list(overrides))
+    except OverrideParseException as wrong:
+        return ConfigError(f"{wrong.override}: {_advice_on_parsing(wrong.override, overrides)}")
+    message = " ".join(str(error).split())
+    message = message or f"Hydra fails with {type(error).__name__}; HYDRA_FULL_ERROR=1 shows where"
     cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error
-    message = " ".join(str(error).split()) or f"Hydra can't do that: {_origin(error)}"
     if isinstance(cause, OmegaConfBaseException):
         key = cause.full_key or "hydra"
         if key.partition(".")[0] == "hydra":
             return ConfigError(message + _advice_on_hydra(key))
-        return refusal(cause, _given(key, overrides))
+        typed = [line.partition("=")[2] for line in overrides if key_of(line) == key]
+        return refusal(cause, typed[0] if typed else None)
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
-        # Of a choice that stands in a list Hydra doesn't say what else there is.
-        if options := error.options or choices_of(group):
+        # Hydra doesn't say what else there is if the choice stands in a list.
+        if options := [each for each in error.options or choices_of(group) if each != SAVED]:
             return OutOfRange(group, choice, " or ".join(options))
-    if isinstance(error, OverrideParseException):
-        return ConfigError(f"{error.override}: {_advice_on_parsing(error.override, overrides)}")
-    for override in overrides:
-        if "--multirun" in message and f"'{override}'" in message:
-            return SeveralValues(f"{override}: several values need -m, a job for each")
-    return ConfigError(message)
+    if isinstance(error, ConfigCompositionException) and not multirun:
+        for override in parsed:
+            if override.is_sweep_override():
+                line = override.input_line
+                return ConfigError(f"{line}: several values need -m, a job for each")
+    return _misuse_of_a_group(parsed) or ConfigError(message)
 
 
-def _origin(error: Exception) -> str:
-    """Where it was raised, for an error without words."""
-    *_, (frame, line) = walk_tb(error.__traceback__)
-    return f"{type(error).__name__} in {frame.f_code.co_filename}, line {line}"
-
-
-def _no_choice(overrides: Sequence[str]) -> ConfigError:
-    """Of overrides such as ``env=null``, what the group may be."""
-    wrong = []
-    for override in overrides:
-        group, _, value = override.partition("=")
-        choices = choices_of(group)
-        if group in allowed(Config) or "." in group or value in choices:
-            continue
-        if group and choices:
-            return OutOfRange(group, value, " or ".join(choices))
-        wrong.append(override)
-    return ConfigError(f"{' '.join(wrong)}: must name one of the choices of a group")
-
-
-def _unchosen(overrides: Sequence[str]) -> ConfigError | None:
-    """Of settings, one of a logger that isn't chosen, on which OmegaConf fails an assertion."""
-    chosen = " ".join(override for override in overrides if key_of(override) == "logger")
-    for override in overrides:
-        group, _, below = key_of(override).partition(".")
-        name = below.partition(".")[0]
-        if group == "logger" and name and name not in chosen:
-            return ConfigError(f"{override}: {name} isn't chosen; 'logger=[csv,{name}]' does that")
-    return None
-
-
-class SeveralValues(ConfigError):
-    """Several values for a key, and no ``-m``."""
+def _advice_on_parsing(override: str, overrides: Sequence[str]) -> str:
+    """Say why an override can't be read: mostly it is a parenthesis that the shell cut."""
+    if override.count("(") <= override.count(")"):
+        return "can't be read as key=value"
+    begin = overrides.index(override)
+    for end in range(begin + 1, len(overrides) + 1):
+        whole = " ".join(overrides[begin:end])
+        if whole.count("(") == whole.count(")"):
+            return f"parentheses need quotes; type '{whole}'"
+    return "its parenthesis isn't closed; type it in quotes, as in 'seed=range(22)'"
 
 
 def _advice_on_hydra(key: str) -> str:
-    """Of the launcher's settings, the nearest in spelling to a key that there isn't."""
+    """Name the launcher's setting that is spelled most like a key that there isn't."""
     group, _, name = key.rpartition(".")
     near = difflib.get_close_matches(name, allowed(LauncherConfig), n=1)
     return f"; did you mean {group}.{near[0]}?" if near and group == "hydra.launcher" else ""
 
 
-def _advice_on_parsing(override: str, overrides: Sequence[str]) -> str:
-    """Why something can't be read as an override, where it is a parenthesis that the shell cut."""
-    for end in range(1, len(overrides) + 1):
-        if override.count("(") <= override.count(")"):
-            break
-        for begin in range(end):
-            whole = " ".join(overrides[begin:end])
-            if overrides[begin] == override and whole.count("(") == whole.count(")"):
-                return f"parentheses need quotes; type '{whole}'"
-    else:
-        return "its parenthesis isn't closed; type it in quotes, as in 'seed=range(22)'"
-    return "can't be read as key=value"
-
-
-def _given(key: str, overrides: Sequence[str]) -> str | None:
-    """What the user wrote for a key."""
+def _misuse_of_a_group(overrides: Sequence[Override]) -> ConfigError | None:
+    """Return the error of ``env=null``, or of a key of a logger that isn't chosen."""
+    loggers = " ".join(str(each.input_line) for each in overrides if each.key_or_group == "logger")
     for override in overrides:
-        if key_of(override) == key:
-            return override.partition("=")[2]
+        key, line = override.key_or_group, override.input_line
+        is_name = isinstance(override.value(), str | list)
+        if override.value_type is ValueType.ELEMENT and choices_of(key) and not is_name:
+            return OutOfRange(key, override.get_value_string(), " or ".join(choices_of(key)))
+        group, _, below = key.partition(".")
+        name = below.partition(".")[0]
+        if group == "logger" and name and name not in loggers:
+            return ConfigError(f"{line}: {name} isn't chosen; 'logger=[csv,{name}]' does that")
     return None
 
 
 def key_of(override: str) -> str:
-    """The key that an override, ``lam=0.2`` or ``+lam=0.2``, is about."""
+    """Return the key that an override, ``lam=0.2`` or ``+lam=0.2``, is about."""
     return override.lstrip("+~").partition("=")[0]
 
 

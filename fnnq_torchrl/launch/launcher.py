@@ -1,14 +1,15 @@
-"""What runs the jobs of a Hydra multirun; the plugin itself is ``hydra_plugins/fnnq_torchrl.py``.
+"""The jobs of a Hydra multirun, run in batches of all that differ only in per-run values.
 
 Each job has what Hydra promises: its own directory with ``.hydra``, log and result files, and its
-return value. What is trained is a batch of all jobs that differ only in per-run values.
+return value. The plugin itself is ``hydra_plugins/fnnq_torchrl.py``.
 """
 
 import logging
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import (
@@ -18,18 +19,20 @@ from hydra.core.utils import (
     configure_log,
     env_override,
     run_job,
-    setup_globals,
 )
-from hydra.types import HydraContext, TaskFunction
+from hydra.types import HydraContext
 from omegaconf import DictConfig
 
 from envs.core.parameters import check
 from fnnq_torchrl.config.launcher import LauncherConfig
 from fnnq_torchrl.config.schema import ConfigError
-from fnnq_torchrl.launch.batches import in_batches
+from fnnq_torchrl.launch.batches import RunBatches, in_batches
 from fnnq_torchrl.launch.composition import key_of
 from fnnq_torchrl.launch.swept_jobs import SweptJob, compose_jobs
 from fnnq_torchrl.training.jobs import JobFailed, Result
+
+if TYPE_CHECKING:
+    from fnnq_torchrl.training.loggers import Loggers
 
 log = logging.getLogger(__name__)
 
@@ -38,12 +41,10 @@ class Multirun:
     """The jobs of one command with ``-m``, as many as its sweeper comes up with.
 
     Args:
-        settings: of ``conf/hydra/launcher/batch.yaml``.
+        settings: those of ``conf/hydra/launcher/batch.yaml``.
         context: Hydra's.
-        task_function: the command's; its attribute ``run_batches`` is what trains, and to
-            ``at_end`` is added what is to be done when there are no more jobs
-            (see :func:`fnnq_torchrl.launch.command.command`).
-        config: of the multirun itself.
+        config: the configuration of the multirun itself.
+        run_batches: trains.
 
     Raises:
         ConfigError: a setting isn't allowed.
@@ -53,28 +54,27 @@ class Multirun:
         self,
         settings: Mapping[str, Any],
         context: HydraContext,
-        task_function: TaskFunction,
         config: DictConfig,
+        run_batches: RunBatches,
     ) -> None:
         self._settings = LauncherConfig(**settings)
         check(self._settings, "hydra.launcher.")
-        self._context, self._config = context, config
-        self._run_batches = task_function.run_batches  # type: ignore[attr-defined]
-        task_function.at_end.append(self._log_whole)  # type: ignore[attr-defined]
+        self._context, self._config, self._run_batches = context, config, run_batches
+        self._directory = Path(config.hydra.sweep.dir)
         self._jobs: list[SweptJob] = []
-        self._anything_new = False
+        self._loggers: Loggers | None = None  # made when there is a job to run
 
     def launch(self, job_overrides: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
         """Run some more jobs, those that aren't finished already.
 
         Args:
-            job_overrides: of each.
-            first: the number of the first.
+            job_overrides: those of each job.
+            first: the number of the first job.
 
         Raises:
             ConfigError: a job isn't valid, or its directory is another's; nothing has run.
+            JobFailed: a result file of a finished job is damaged.
         """
-        setup_globals()
         self._log()
         jobs = compose_jobs(self._context.config_loader, self._config, job_overrides, first)
         _check_directories([*self._jobs, *jobs])
@@ -90,25 +90,42 @@ class Multirun:
             job.write_configuration()
         with env_override(self._config.hydra.job.env_set):
             results = self._run(missing, pictures=len(jobs) <= self._settings.pictures_up_to)
-        returns = [self._end(job, _result(job, results)) for job in jobs]
-        self._log()
-        self._jobs += jobs
-        self._write_whole()
-        self._anything_new |= bool(missing)
+        try:
+            returns = [self._end(job, results) for job in jobs]
+            self._log()
+            self._jobs += jobs
+            self._write_whole()
+        except ValueError as error:
+            advice = "without its summary.json, the job is computed again"
+            raise JobFailed(f"{error}; {advice}") from error
         return returns
 
+    def end(self) -> None:
+        """Log the sweep as a whole, unless nothing in it is new, and close the loggers."""
+        if self._loggers is None:
+            return
+        from fnnq_torchrl.training.loggers import SweepResults
+
+        with closing(self._loggers):
+            jobs = [job.job for job in self._jobs]
+            self._loggers.log_sweep(SweepResults(self._directory.absolute(), jobs))
+
     def _run(self, jobs: Sequence[SweptJob], pictures: bool) -> dict[Path, Result]:
-        """The results by the jobs' directories."""
+        """Return the results by the jobs' directories."""
         if not jobs:
             return {}
         batches = in_batches([job.job for job in jobs], self._settings.max_batch_size)
         log.info(f"jobs to run: {len(jobs):,}, batches: {len(batches):,}")
+        if self._loggers is None:
+            from fnnq_torchrl.training.loggers import Loggers  # after the checks: scipy is slow
+
+            self._loggers = Loggers()
         if self._settings.cluster == "none":
-            results = self._run_batches(batches, pictures=pictures)
+            results = self._run_batches(batches, pictures=pictures, loggers=self._loggers)
         else:
             from fnnq_torchrl.launch.cluster import run_on_cluster
 
-            folder = Path(self._config.hydra.sweep.dir).absolute() / ".submitit"
+            folder = self._directory.absolute() / ".submitit"
             results = run_on_cluster(
                 self._run_batches, batches, self._settings, folder, pictures=pictures
             )
@@ -123,13 +140,25 @@ class Multirun:
         HydraConfig.instance().set_config(self._config)
         configure_log(self._config.hydra.hydra_logging, self._config.hydra.verbose)
 
-    def _end(self, job: SweptJob, result: Result) -> JobReturn:
-        """The job's log, the callbacks, and what the sweeper gets."""
+    def _end(self, job: SweptJob, results: Mapping[Path, Result]) -> JobReturn:
+        """Write the job's log, call the callbacks, and return what the sweeper gets."""
+        if job.directory in results:
+            result = results[job.directory]
+        else:
+            from fnnq_torchrl.training.results import read_summary  # scipy takes a second
+
+            result = read_summary(job.directory / "summary.json")["mean_score"]
+
+        def outcome(_: DictConfig) -> Result:
+            if not isinstance(result, Exception):
+                return result
+            failed = JobFailed(f"{job} failed: {result}")
+            log.error(str(failed))
+            if isinstance(result, JobFailed | OSError):
+                raise failed from result
+            raise result  # a bug keeps its traceback
+
         if self._context.callbacks.callbacks or isinstance(result, Exception):
-
-            def outcome(_: DictConfig) -> Result:
-                return _told(job, result)
-
             return run_job(  # Hydra's own way, which takes its time
                 hydra_context=self._context,
                 task_function=outcome,
@@ -138,17 +167,16 @@ class Multirun:
                 job_subdir_key="hydra.sweep.subdir",
             )
         job.touch_logs()
-        end = JobReturn(
+        return JobReturn(
             overrides=job.task_overrides,
             working_dir=os.getcwd(),
             task_name=JobRuntime.instance().get("name"),
             status=JobStatus.COMPLETED,
+            _return_value=result,
         )
-        end.return_value = result
-        return end
 
     def _write_whole(self) -> None:
-        """The sweep's own files, over all of its jobs so far."""
+        """Write the sweep's own files, over all of its jobs so far."""
         from fnnq_torchrl.launch.sweep import SweptResult, write_sweep
 
         results = [
@@ -156,29 +184,12 @@ class Multirun:
                 job.number,
                 {key_of(line): line.partition("=")[2] for line in job.overrides},
                 job.directory,
-                best=len(job.config.evaluation.situations),
+                best=job.config.best_score,
+                measure=job.config.env.tested.measure,
             )
             for job in self._jobs
         ]
-        try:
-            write_sweep(Path(self._config.hydra.sweep.dir), results)
-        except ValueError as error:
-            raise _damaged(error) from error
-
-    def _log_whole(self) -> None:
-        """What the loggers of its jobs have on the sweep as a whole, unless it was there before."""
-        if not self._anything_new:
-            return
-        from fnnq_torchrl.training.loggers import Loggers, SweepResults
-
-        directory = Path(self._config.hydra.sweep.dir).absolute()
-        for config in {repr(job.config.logger): job.config.logger for job in self._jobs}.values():
-            Loggers.of(config).log_sweep(SweepResults(directory, len(self._jobs)))
-
-
-def _damaged(error: ValueError) -> JobFailed:
-    """Of a result file that a finished job left."""
-    return JobFailed(f"{error}; without its summary.json, the job is computed again")
+        write_sweep(self._directory, results)
 
 
 def _check_directories(jobs: Sequence[SweptJob]) -> None:
@@ -190,28 +201,3 @@ def _check_directories(jobs: Sequence[SweptJob]) -> None:
                 f"{job}: {job.directory} is that of {other} too; "
                 "hydra.sweep.subdir must tell them apart"
             )
-
-
-def _result(job: SweptJob, results: Mapping[Path, Result]) -> Result:
-    """What came of the job just now or, if it was finished before, then."""
-    if job.directory in results:
-        return results[job.directory]
-    from fnnq_torchrl.training.results import (
-        read_summary,  # not before the checks: scipy takes a second
-    )
-
-    try:
-        return read_summary(job.directory / "summary.json")["mean_score"]
-    except ValueError as error:
-        raise _damaged(error) from error
-
-
-def _told(job: SweptJob, result: Result) -> Result:
-    """What the job's own function would return or raise."""
-    if not isinstance(result, Exception):
-        return result
-    failed = JobFailed(f"{job} failed: {result}")
-    log.error(str(failed))
-    if isinstance(result, JobFailed | OSError):
-        raise failed from result
-    raise result  # a bug keeps its traceback

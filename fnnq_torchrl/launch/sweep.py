@@ -1,6 +1,6 @@
-"""The whole of a sweep: its own evaluations.csv, summary.csv and learning_curves.png.
+"""The files of a sweep as a whole: its evaluations.csv, summary.csv and learning_curves.png.
 
-Made from the result files of its jobs alone.
+They are made from the result files of its jobs alone.
 """
 
 import csv
@@ -13,6 +13,7 @@ import numpy as np
 
 from fnnq_torchrl.files.atomic import atomic_write, clear_leftovers
 from fnnq_torchrl.training.pictures import Curve, sweep_curves
+from fnnq_torchrl.training.pictures.words import key_words, setting_words
 from fnnq_torchrl.training.results import (
     EVALUATION_COLUMNS,
     Evaluations,
@@ -22,17 +23,8 @@ from fnnq_torchrl.training.results import (
 )
 from fnnq_torchrl.training.terminal import print_sweep
 
-_SYMBOLS = {
-    "lam": "λ",
-    "alpha": "α",
-    "alpha_decay": "α decay",
-    "kappa": "κ",
-    "gamma": "γ",
-    "epsilon": "ε",
-    "noise_std": "σ",
-}
 _WHICH_RUNS = ("seed", "num_seeds")
-"""Keys that say which runs a configuration has, not what they are."""
+"""Keys that say which runs a configuration has, and not how they learn."""
 
 
 @dataclass(frozen=True)
@@ -41,22 +33,24 @@ class SweptResult:
 
     Attributes:
         number: of the job.
-        overrides: what the sweep said of it, by key.
+        overrides: what the sweep said of it, values by key.
         directory: with the result files.
-        best: the highest possible score.
+        best: the highest possible score, if it counts successes.
+        measure: what the score is.
     """
 
     number: int
     overrides: Mapping[str, str]
     directory: Path
-    best: int
+    best: int | None
+    measure: str
 
 
 def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
-    """Write a sweep's own files into its directory, and its table on the screen.
+    """Write a sweep's own files into its directory, and print its table.
 
-    A job without a summary has not finished: it has a row in summary.csv that is empty but for its
-    keys, and is nowhere else.
+    A job without a summary hasn't finished: its row in summary.csv is empty but for its keys, and
+    it is nowhere else.
 
     Raises:
         OSError: a file can't be read or written.
@@ -76,14 +70,15 @@ def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
     _write_evaluations(directory / "evaluations.csv", done, keys)
     keys = [key for key in keys if key not in _WHICH_RUNS]
     curves = _curves(done, keys)
-    of = f"values of {_symbol(keys[0])}" if len(keys) == 1 else "configurations"
+    of = f"values of {key_words(keys[0])}" if len(keys) == 1 else "configurations"
     picture = directory / "learning_curves.png"
-    sweep_curves(curves, of, picture, best=max(job.best for job in done))
-    print_sweep([(curve.label, curve.mean_score) for curve in curves], picture)
+    best, measure = max(job.best or 0 for job in done) or None, done[0].measure
+    sweep_curves(curves, of, picture, best, measure)
+    print_sweep([(curve.label, curve.mean_score) for curve in curves], picture, measure)
 
 
 def swept_keys(jobs: Sequence[SweptResult]) -> list[str]:
-    """The keys in which the jobs differ, in the order in which they were given."""
+    """Return the keys in which the jobs differ, in the order in which they were given."""
     keys = dict.fromkeys(key for job in jobs for key in job.overrides)
     return [key for key in keys if len({job.overrides.get(key) for job in jobs}) > 1]
 
@@ -110,7 +105,7 @@ def _write_summaries(
 
 
 def _columns(summary: Summary) -> dict[str, object]:
-    """A job's summary in columns, two for an interval."""
+    """Return a job's summary in columns, two for an interval."""
     columns: dict[str, object] = {}
     for key, value in summary.items():
         if key.endswith("_interval"):
@@ -124,7 +119,7 @@ def _columns(summary: Summary) -> dict[str, object]:
 
 
 def _write_evaluations(path: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> None:
-    """All jobs' rows, each with the job's number and its values of the swept keys behind it."""
+    """Write the rows of all jobs, each followed by the job's number and swept values."""
     further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # those a row has
     names = [f"config.{key}" if key in EVALUATION_COLUMNS else key for key in further]
     with atomic_write(path) as file:
@@ -144,7 +139,7 @@ def _row(values: Sequence[object]) -> str:
 
 
 def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
-    """A curve for each configuration, over all its runs, in the order of the first of its jobs.
+    """Return a curve for each configuration, over all its runs, in the order of its first job.
 
     Args:
         jobs: finished.
@@ -153,30 +148,28 @@ def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
     groups: dict[tuple[str | None, ...], list[Evaluations]] = {}
     for job in jobs:
         kind = tuple(job.overrides.get(key) for key in keys)
-        groups.setdefault(kind, []).append(read_evaluations(job.directory / "evaluations.csv"))
+        groups.setdefault(kind, []).append(
+            read_evaluations(job.directory / "evaluations.csv", job.measure)
+        )
     return [
         Curve(
             name=", ".join(
-                f"{_symbol(key)} = {_short(value)}"
+                _words(key, value)
                 for key, value in zip(keys, kind, strict=True)
                 if value is not None
             )
-            or f"{_symbol('lam')} = {group[0].lam[0]:g}",
+            or _words("lam", str(group[0].lam[0])),
             situations=group[0].situations,
-            catches=np.concatenate([evaluations.catches for evaluations in group]),
+            scores=np.concatenate([evaluations.score for evaluations in group]),
             diverged=sum(evaluations.diverged_runs for evaluations in group),
         )
         for kind, group in groups.items()
     ]
 
 
-def _symbol(key: str) -> str:
-    return _SYMBOLS.get(key, key)
-
-
-def _short(value: str) -> str:
-    """A number to four digits, anything else as it is."""
+def _words(key: str, value: str) -> str:
+    """Return a key with its value, a number to four digits."""
     try:
-        return f"{float(value):.4g}"
+        return setting_words(key, float(f"{float(value):.4g}"))
     except ValueError:
-        return value
+        return f"{key} = {value}"

@@ -8,7 +8,8 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from fnnq_torchrl.config.schema import Config, ConfigError, flat, to_config
+from fnnq_torchrl.config.checking import flat, to_config
+from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.training.results import Evaluations, read_evaluations
 
 HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s", "checkpoint.snapshots")
@@ -38,7 +39,7 @@ class Job:
     @property
     def best(self) -> int:
         """The highest score there is."""
-        return len(self.settings["evaluation.situations"])
+        return self.config.evaluation.tests
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,5 +165,5 @@ def _read_job(directory: Path) -> Job:
         raise ValueError(f"{path}: {error}") from error
     settings = asdict(config)
     del settings["logger"]  # which has other keys for each choice, and no say in the results
-    evaluations = read_evaluations(directory / "evaluations.csv")
+    evaluations = read_evaluations(directory / "evaluations.csv", config.env.tested.measure)
     return Job(flat(settings), evaluations, config, directory)

@@ -1,13 +1,15 @@
-"""The paper's test: how many of some fixed situations does the greedy policy end in a catch?"""
+"""The test: the runs play situations of their world greedily (ε = 0), without learning."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from envs.robot.follow import FollowBall
-from envs.robot.schemas import World
+from envs.core.pure import PureEnv
+from envs.core.world import WorldConfig
+from envs.worlds import make_world
 from fnnq_torchrl.agent.learning_step import act
 from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.agent.values import ValueNetwork
@@ -18,21 +20,86 @@ FIRST_EPISODE = 2**32
 """Evaluations draw their random numbers as episodes from here on, which learning never reaches."""
 
 
-class Playing:
-    """The :class:`.Task` of playing fixed situations greedily, without learning.
+@dataclass(frozen=True)
+class GreedyTest:
+    """What is played, and by which policy.
 
-    Each situation of each snapshot of weights is a job. Random numbers are the run's own, new ones
-    for every evaluation.
+    Attributes:
+        world: in which to play.
+        network: the value network, whose weights the snapshots replace.
+        situations: fixed starts, ``[tests, values]``, or the number of random ones.
+    """
+
+    world: WorldConfig
+    network: ValueNetwork
+    situations: Tensor | int
+
+    @property
+    def tests(self) -> int:
+        """The number of situations."""
+        return self.situations if isinstance(self.situations, int) else len(self.situations)
+
+    def make_env(self, lanes: int) -> PureEnv:
+        """Make the world for so many lanes."""
+        like = self.network.candidates
+        return make_world(self.world, [lanes], dtype=like.dtype, device=like.device)
+
+    def starts(self, number: Tensor) -> Tensor | None:
+        """Return the fixed starts of these numbers, if there are any, ``[lanes, values]``."""
+        return None if isinstance(self.situations, int) else self.situations[number]
+
+    def make_step(self, lanes: int) -> Step:
+        """Make the step of playing for so many lanes."""
+        env, policy = self.make_env(lanes), EpsilonGreedyPolicy(self.network, epsilon=0.0)
+
+        def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+            world = act(policy, stays["weights"], stays["epsilon"], state["world"])
+            after = env.step(world)["next"]
+            goes_on = ~state["over"]
+            return TensorDict(
+                {
+                    "world": after.select(*state["world"].keys()),
+                    "over": state["over"] | after["done"],
+                    "success": state["success"] | (after["success"] & goes_on),
+                    "return": state["return"] + torch.where(goes_on, after["reward"], 0),
+                    "length": state["length"] + goes_on,
+                },
+                state.batch_size,
+                device=state.device,
+            )
+
+        return step
+
+
+def no_results(evaluations: int, runs: int, tests: int, dtype: torch.dtype) -> TensorDict:
+    """Return the results of a test that nobody has played yet.
+
+    Returns:
+        Batch size ``[evaluations, runs, tests]``: ``played`` and ``success`` (bool), ``return`` and
+        ``length`` (int32), on the CPU.
+    """
+    shape = (evaluations, runs, tests)
+    return TensorDict(
+        {
+            "played": torch.zeros(shape, dtype=torch.bool),
+            "success": torch.zeros(shape, dtype=torch.bool),
+            "return": torch.zeros(shape, dtype=dtype),
+            "length": torch.zeros(shape, dtype=torch.int32),
+        },
+        shape,
+    )
+
+
+class Playing:
+    """The :class:`.Task` of a test: each situation of each snapshot of weights is a job.
+
+    Random numbers are the run's own, new ones for every evaluation.
 
     Args:
-        value_network: whose weights the snapshots replace.
-        world: in which to play.
-        situations: starts of the ball (φ₀, ω_b), in rad and rad/s, ``[situations, 2]``.
+        test: what is played.
         seed: the runs' seeds, int64 ``[runs, 1]``.
         weights: the snapshots, by the network's names, batch size ``[evaluations, runs]``.
-        played: which situations each has played so far, bool ``[evaluations, runs, situations]``;
-            kept up to date.
-        catches: how many of them it has caught, int64 ``[evaluations, runs]``; kept up to date.
+        results: of :func:`no_results`, kept up to date.
         engine: makes the loop, for ``lanes``.
         lanes: how many situations are played side by side.
         on_progress: is told how many situations, of all snapshots together, are played.
@@ -40,76 +107,56 @@ class Playing:
 
     def __init__(
         self,
-        value_network: ValueNetwork,
-        world: World,
-        situations: Tensor,
+        test: GreedyTest,
+        *,
         seed: Tensor,
         weights: TensorDictBase,
-        played: Tensor,
-        catches: Tensor,
+        results: TensorDictBase,
         engine: Engine,
         lanes: int,
-        on_progress: Callable[[int], None],
+        on_progress: Callable[[int], None] = lambda done: None,
     ) -> None:
-        evaluations, self._runs = catches.shape
-        self._policy = EpsilonGreedyPolicy(value_network, epsilon=0.0)
-        self._world, self._situations = world, situations
-        self._env = self._make_env(lanes)
-        self._weights = weights.view(evaluations * self._runs)
-        self._seed = seed
-        self._played, self._catches = played.view(-1), catches.view(-1)
-        self._done, self._on_progress = int(played.sum()), on_progress
-        self.steps = world.time_limit_steps
+        self._test, self._seed = test, seed
+        self._weights = weights.view(-1)
+        self._results = results.view(-1)
+        self._done, self._on_progress = int(results["played"].sum()), on_progress
+        self._env = test.make_env(lanes)
+        self.steps = test.world.time_limit_steps
         example = self.begin(torch.zeros(lanes, dtype=torch.int64))
-        self.loop = engine.make_loop(self._make_step, *example)
+        self.loop = engine.make_loop(test.make_step, *example)
 
     @property
     def jobs(self) -> Tensor:
         """The situations of snapshots that aren't played, int64."""
-        return (~self._played).nonzero().squeeze(-1)
+        return (~self._results["played"]).nonzero().squeeze(-1)
 
     def begin(self, jobs: Tensor) -> tuple[TensorDict, TensorDict]:
         jobs = jobs.to(self._seed.device)
-        snapshot, situation = jobs // len(self._situations), jobs % len(self._situations)
-        evaluation, run = snapshot // self._runs, snapshot % self._runs
-        number = evaluation * len(self._situations) + situation
-        world = self._env.start(
-            self._seed[run], FIRST_EPISODE + number.unsqueeze(-1), self._situations[situation]
-        )
+        tests, runs = self._test.tests, len(self._seed)
+        snapshot, situation = jobs // tests, jobs % tests
+        evaluation, run = snapshot // runs, snapshot % runs
+        episode = FIRST_EPISODE + (evaluation * tests + situation).unsqueeze(-1)
+        world = self._env.start(self._seed[run], episode, self._test.starts(situation))
         batch = {"batch_size": jobs.shape, "device": jobs.device}
-        never = torch.zeros_like(world["bearing"])
-        stays = TensorDict({"weights": self._weights[snapshot], "epsilon": never}, **batch)
+        never = torch.zeros_like(world["chance"])
         no = torch.zeros_like(never, dtype=torch.bool)
-        return stays, TensorDict({"world": world, "over": no, "caught": no.clone()}, **batch)
-
-    def _make_env(self, lanes: int) -> FollowBall:
-        like = self._situations
-        return FollowBall(self._world, [lanes], dtype=like.dtype, device=like.device)
-
-    def _make_step(self, lanes: int) -> Step:
-        env = self._make_env(lanes)
-
-        def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
-            world = act(self._policy, stays["weights"], stays["epsilon"], state["world"])
-            after = env.step(world)["next"]
-            caught = state["caught"] | ((after["reward"] > 0) & ~state["over"])
-            over = state["over"] | after["terminated"]
-            world = after.select(*state["world"].keys())
-            return TensorDict(
-                {"world": world, "over": over, "caught": caught},
-                state.batch_size,
-                device=state.device,
-            )
-
-        return step
+        stays = TensorDict({"weights": self._weights[snapshot], "epsilon": never}, **batch)
+        state = {
+            "world": world,
+            "over": no,
+            "success": no.clone(),
+            "return": never.clone(),
+            "length": torch.zeros_like(never, dtype=torch.int32),
+        }
+        return stays, TensorDict(state, **batch)
 
     def collect(self, jobs: Tensor, state: TensorDictBase) -> Tensor:
         over = state["over"].squeeze(-1).cpu()
         lanes = ((jobs >= 0) & over).nonzero().squeeze(-1)
-        snapshot = jobs[lanes] // len(self._situations)
-        caught = state["caught"].squeeze(-1).cpu()[lanes].long()
-        self._catches.index_add_(0, snapshot, caught)
-        self._played[jobs[lanes]] = True
+        ended = jobs[lanes]
+        for key in ("success", "return", "length"):
+            self._results[key][ended] = state[key].squeeze(-1).cpu()[lanes]
+        self._results["played"][ended] = True
         self._done += len(lanes)
         self._on_progress(self._done)
         return over

@@ -2,19 +2,21 @@
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import asdict
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise
 from pathlib import Path
 
 import torch
 from tensordict import TensorDictBase
 
+from envs.core.contract import check_world
+from envs.core.registry import is_own
+from envs.worlds import make_world
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
-from fnnq_torchrl.engine.choice import choose, make_engine
 from fnnq_torchrl.files.atomic import clear_leftovers
-from fnnq_torchrl.training.checkpoint import save_checkpoint
-from fnnq_torchrl.training.jobs import SNAPSHOTS, TRAINING, Job, as_one
+from fnnq_torchrl.training.batch import Batch
+from fnnq_torchrl.training.jobs import SNAPSHOTS, Job
 from fnnq_torchrl.training.loggers import Loggers
 from fnnq_torchrl.training.memory import check_memory
 from fnnq_torchrl.training.pictures import learning_curve
@@ -28,9 +30,9 @@ from fnnq_torchrl.training.results import (
 from fnnq_torchrl.training.resume.interruptions import Interrupted, Interruptions
 from fnnq_torchrl.training.resume.keeper import Hand, HandsKeeper
 from fnnq_torchrl.training.resume.saved import SavedTraining
-from fnnq_torchrl.training.snapshot_file import save_snapshots
 from fnnq_torchrl.training.terminal import Progress, announce, print_summary
 from fnnq_torchrl.training.trainer import Trainer
+from fnnq_torchrl.training.weights import save_checkpoint, save_snapshots
 
 PICTURE = "learning_curve.png"
 """The file with the learning curve."""
@@ -60,16 +62,21 @@ def run_job(config: Config, directory: Path) -> float:
             is damaged; or the engine is to compile, and the compiler isn't there or fails.
         OSError: a file can't be written.
     """
-    # Whatever signal came while the files were written: there is nothing left to be interrupted.
-    [result] = next(run_batches([[Job(config, directory)]], pictures=True))
-    if isinstance(result, Exception):
-        raise result
-    print_summary(read_summary(directory / "summary.json"), directory / PICTURE)
+    with closing(Loggers()) as loggers:
+        # Whatever signal came while the files were written: there is nothing left to be interrupted
+        [result] = next(run_batches([[Job(config, directory)]], pictures=True, loggers=loggers))
+        if isinstance(result, Exception):
+            raise result
+        print_summary(read_summary(directory / "summary.json"), directory / PICTURE)
     return result
 
 
 def run_batches(
-    batches: Sequence[Sequence[Job]], *, pictures: bool
+    batches: Sequence[Sequence[Job]],
+    *,
+    pictures: bool,
+    loggers: Loggers | None = None,
+    interruptions: Interruptions | None = None,
 ) -> Iterator[list[float | Exception]]:
     """Train the jobs of each batch side by side.
 
@@ -80,6 +87,9 @@ def run_batches(
         batches: of jobs that are equal but for `fnnq_torchrl.training.jobs.BATCHABLE`.
         pictures: whether each job gets its ``learning_curve.png``; they take longer to draw than
             many a run takes to learn.
+        loggers: the command's, who closes them; if not given, there are some for these jobs alone.
+        interruptions: say when to save and when to end. By default each batch has its own, which
+            save every ``checkpoint.every_s``.
 
     Yields:
         The results of a batch's jobs. One that failed leaves the others as they are.
@@ -93,75 +103,61 @@ def run_batches(
             written or logged does so when its batch is done, and its results are yielded.
         Lost: a signal has ended the work, which couldn't be saved.
     """
-    for batch in batches:
-        _check_machine(batch[0].config)
-        large = check_memory(batch[0].config, sum(job.config.num_seeds for job in batch))
-        if large:
-            announce(large)
-        for job in batch:
-            clear_leftovers(job.directory)
-    for batch in batches:
-        _check_saved(batch)
-    for batch, loggers in [*zip(batches, _loggers(batches), strict=True)]:
+    if loggers is None:
+        with closing(Loggers()) as loggers:
+            yield from run_batches(
+                batches, pictures=pictures, loggers=loggers, interruptions=interruptions
+            )
+        return
+    prepared = [*map(Batch, batches)]
+    for batch in prepared:
+        _check(batch)
+    saved = [SavedTraining(batch) for batch in prepared]
+    for each in saved:
+        each.read()
+    loggers.prepare(chain.from_iterable(batches))
+    for batch, training in zip(prepared, saved, strict=True):
         results: list[float | Exception]
-        with Interruptions(batch[0].config.checkpoint.every_s) as interruptions:
+        with interruptions or Interruptions(batch.config.checkpoint.every_s) as work:
             try:
-                results = _run_batch(batch, pictures, interruptions)
+                results = _run_batch(batch, training, pictures, work)
             except (ConfigError, Interrupted):
                 raise
             except Exception as error:  # a bug, or too little memory: the other batches may do
-                results = [error] * len(batch)
+                results = [error] * len(batch.jobs)
             # Of jobs whose files are there, and in this thread: not all loggers know of others.
-            logged = zip(batch, results, strict=True)
-            loggers.log_jobs(job for job, result in logged if isinstance(result, float))
+            for job, result in zip(batch.jobs, results, strict=True):
+                if isinstance(result, float):
+                    loggers.log_job(job)
         yield results
-        interruptions.obey()
+        work.obey()
 
 
-def _loggers(batches: Sequence[Sequence[Job]]) -> list[Loggers]:
-    """Of each batch; batches with the same configuration of it share theirs."""
-    of_each = [repr(batch[0].config.logger) for batch in batches]
-    jobs: dict[str, list[Job]] = {key: [] for key in of_each}
-    for key, batch in zip(of_each, batches, strict=True):
-        jobs[key] += batch
-    made = {key: Loggers.of(of[0].config.logger) for key, of in jobs.items()}
-    for key, loggers in made.items():
-        loggers.foresee(jobs[key])
-    return [made[key] for key in of_each]
-
-
-def _check_machine(config: Config) -> None:
-    device = config.machine.device
-    _, _, index = device.partition("cuda:")
-    if device != "cpu" and torch.cuda.device_count() <= int(index or 0):
-        found = torch.cuda.device_count()
-        raise OutOfRange("machine.device", device, f"there: this machine has {found} CUDA devices")
-    engine, _ = choose(config)
-    make_engine(engine, torch.device(device))
-
-
-def _check_saved(jobs: Sequence[Job]) -> None:
-    """Refuse, before anything is computed, a saved training that can't be gone on from."""
-    if jobs[0].config.resume == "auto" and (jobs[-1].directory / TRAINING).exists():
-        trainer = Trainer(*as_one([job.config for job in jobs]))
-        _saved(jobs, trainer).load(trainer)
-
-
-def _saved(jobs: Sequence[Job], trainer: Trainer) -> SavedTraining:
-    return SavedTraining(jobs[-1].directory, trainer.config, trainer.engine.name)
+def _check(batch: Batch) -> None:
+    """Refuse what can't be computed, and remove what killed processes have left."""
+    config = batch.config
+    device = torch.device(config.machine.device)
+    found = torch.cuda.device_count()
+    if device.type == "cuda" and found <= (device.index or 0):
+        allowed = f"there: this machine has {found} CUDA devices"
+        raise OutOfRange("machine.device", config.machine.device, allowed)
+    if is_own(config.env.kind):
+        check_world(make_world(config.env, [2]))
+    if large := check_memory(batch):
+        announce(large)
+    for job in batch.jobs:
+        clear_leftovers(job.directory)
 
 
 def _run_batch(
-    jobs: Sequence[Job], pictures: bool, interruptions: Interruptions
+    batch: Batch, saved: SavedTraining, pictures: bool, interruptions: Interruptions
 ) -> list[float | Exception]:
-    trainer = Trainer(*as_one([job.config for job in jobs]))
-    announce(trainer.engine_chosen)
-    saved = _saved(jobs, trainer)
+    trainer = Trainer(batch.config, batch.runs, batch.engine)
+    announce(batch.engine.why)
     outcome = _train(trainer, saved, interruptions)
     _announce_diverged(outcome)
-    _announce_denormal(outcome)
-    bounds = accumulate((job.config.num_seeds for job in jobs), initial=0)
-    *others, last = zip(jobs, pairwise(bounds), strict=True)
+    bounds = accumulate((job.config.num_seeds for job in batch.jobs), initial=0)
+    *others, last = zip(batch.jobs, pairwise(bounds), strict=True)
 
     def write(job_and_bounds: tuple[Job, tuple[int, int]]) -> float | Exception:
         job, (begin, end) = job_and_bounds
@@ -188,7 +184,7 @@ def _run_batch(
 
 def _train(trainer: Trainer, saved: SavedTraining, interruptions: Interruptions) -> Outcome:
     """All of it, or what was left of it; saved from time to time, and when a signal ends it."""
-    if trainer.config.resume == "auto" and saved.load(trainer):
+    if saved.restore(trainer.ledger):
         announce(f"going on from {saved.path}")
     told = set()
 
@@ -224,7 +220,7 @@ def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) ->
         save_snapshots(directory / SNAPSHOTS, weights, outcome.situations, *runs)
     write_evaluations(evaluations, outcome)
     if pictures:
-        learning_curve(evaluations, directory / PICTURE, best=len(config.evaluation.situations))
+        learning_curve(evaluations, directory / PICTURE, config.best_score, outcome.measure)
     summary = summarise(outcome)
     write_summary(directory / "summary.json", summary)
     return summary["mean_score"]
@@ -238,17 +234,6 @@ def _announce_diverged(outcome: Outcome) -> None:
     announce(
         f"diverged: {len(seeds):,} of {outcome.runs:,} runs (seed {_some(seeds)}); they stopped, "
         "and count as catching nothing from then on. A smaller alpha may help"
-    )
-
-
-def _announce_denormal(outcome: Outcome) -> None:
-    """One line, if runs have learned subnormal weights."""
-    if not outcome.denormal_runs:
-        return
-    seeds = outcome.seed[outcome.denormal[:, -1]].tolist()
-    announce(
-        f"denormal: {len(seeds):,} of {outcome.runs:,} runs (seed {_some(seeds)}) have weights too "
-        "small for full precision. machine.dtype=float64 has smaller numbers"
     )
 
 

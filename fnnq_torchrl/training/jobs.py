@@ -1,11 +1,9 @@
-"""Jobs, and which of them can train side by side in one batch of runs."""
+"""Jobs: what to train, where its files go, and what comes of it. No torch here."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
-from fnnq_torchrl.config.schema import PER_RUN, Config, run_columns
+from fnnq_torchrl.config.schema import PER_RUN, Config
 
 BATCHABLE = (*PER_RUN, "num_seeds")
 """The keys in which jobs of one batch may differ; in all others they are equal."""
@@ -38,28 +36,3 @@ class JobFailed(Exception):
 
 Result = float | Exception | None
 """Of a job: its objective, which training has, or why there is none."""
-
-
-class RunBatches(Protocol):
-    """Runs the jobs of each batch, and yields their results: `.job.run_batches`."""
-
-    def __call__(
-        self, batches: Sequence[Sequence[Job]], *, pictures: bool
-    ) -> Iterator[Sequence[Result]]: ...
-
-
-def as_one(configs: Sequence[Config]) -> tuple[Config, dict[str, list[float]]]:
-    """The jobs of one batch as a single one.
-
-    Args:
-        configs: equal but for `BATCHABLE`, at least one.
-
-    Returns:
-        A configuration with as many runs as all have together, and the columns of those runs, one
-        job's after the other's: by each key of `PER_RUN` a list of values.
-    """
-    runs = sum(config.num_seeds for config in configs)
-    of_each = [run_columns(config) for config in configs]
-    columns = {key: [value for of in of_each for value in of[key]] for key in PER_RUN}
-    # Its own seed is one of many, and must leave room for as many more as there are runs.
-    return replace(configs[0], seed=0, num_seeds=runs), columns

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from fnnq_torchrl.agent.learning_step import Program
+from fnnq_torchrl.agent.learning_step import Learner
 from fnnq_torchrl.engine.loops import Loop
 from fnnq_torchrl.training.resume.ledger import Ledger
 
@@ -17,7 +17,7 @@ class Learning:
     """The :class:`.Task` of all runs of a job: each has its situations to learn.
 
     Args:
-        program: one learning step, for as many runs as there are lanes.
+        learner: one learning step, for as many runs as there are lanes.
         loop: of that step.
         run: what each run is, ``[runs]``.
         ledger: what is done of them so far; kept up to date.
@@ -26,7 +26,7 @@ class Learning:
 
     def __init__(
         self,
-        program: Program,
+        learner: Learner,
         loop: Loop,
         run: TensorDictBase,
         ledger: Ledger,
@@ -36,8 +36,8 @@ class Learning:
         self.loop = loop
         # In so few steps no run can come to a second snapshot. Nor may they take long, since a
         # training is saved between them.
-        self.steps = min(program.env.fewest_steps * program.evaluate_every, _MOST_STEPS)
-        self._program, self._ledger, self._on_progress = program, ledger, on_progress
+        self.steps = min(learner.env.world.fewest_steps * learner.evaluate_every, _MOST_STEPS)
+        self._learner, self._ledger, self._on_progress = learner, ledger, on_progress
         self._situations = run["situations"].squeeze(-1).cpu()
 
     @property
@@ -47,7 +47,7 @@ class Learning:
 
     def begin(self, jobs: Tensor) -> tuple[TensorDictBase, TensorDictBase]:
         run = self.run[jobs.to(self.run.device)]
-        state = self._program.begin(run)
+        state = self._learner.begin(run)
         for begun, states in self._ledger.hands:
             lane, place = (jobs.unsqueeze(-1) == begun).nonzero(as_tuple=True)
             if len(lane):

@@ -1,25 +1,24 @@
-"""How much memory a batch of runs will take, and how much there is: told before anything computes.
+"""An estimate of the memory that a batch of runs will take, and what there is, before it begins.
 
-An estimate, from the sizes alone; `benchmarks/soak.py` compares it with what jobs really take.
+It is made from the sizes alone; `benchmarks/soak.py` compares it with what jobs really take.
 """
 
-import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
 import torch
 
+from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config, ConfigError
-from fnnq_torchrl.engine.choice import choose, make_engine
 from fnnq_torchrl.engine.lanes import lanes_for
-
-_GROUPS, _OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+from fnnq_torchrl.training.batch import Batch
 
 _MUCH = 1 / 4
-"""Of the free memory: from then on it is said beforehand."""
+"""The part of the free memory from which on a batch is announced."""
 
 _NUMBER = 8
 """Bytes of an int64, a float64 or a reference to a Python object."""
@@ -34,12 +33,12 @@ _COLUMNS = 40
 """Columns of numbers of each run: its values as lists and as tensors, of the jobs and the batch."""
 
 _COPIES = 4
-"""Of what an eager step, the most wasteful, computes for each candidate action."""
+"""Numbers that a step computes for each candidate action, eagerly, which takes the most."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """What a batch is made of.
+    """The sizes that a batch's memory depends on.
 
     Attributes:
         runs: in the batch.
@@ -63,8 +62,9 @@ class Sizes:
 
     @property
     def kept(self) -> int:
-        """Bytes for what is kept of all evaluations: weights, steps, catches, what is played."""
-        of_evaluation = self.weights * self.bytes + 2 * _NUMBER + self.tests + 1
+        """Bytes that all evaluations take: weights, steps, the results of their tests."""
+        of_test = 2 + self.bytes + 4  # whether it is played and succeeds, return, length
+        of_evaluation = self.weights * self.bytes + _NUMBER + self.tests * of_test + 1
         return self.runs * (self.evaluations * of_evaluation + _COLUMNS * _NUMBER)
 
     @property
@@ -87,27 +87,26 @@ class Sizes:
         return _BASE + self.kept + max(self.at_work, self.on_top)
 
 
-def sizes_of(config: Config, runs: int) -> Sizes:
-    """Of a batch of so many runs, which are equal but for their per-run values."""
-    device = torch.device(config.machine.device)
-    engine = make_engine(choose(config)[0], device)
+def sizes_of(batch: Batch) -> Sizes:
+    """Return the sizes of a batch."""
+    config, engine, runs = batch.config, batch.engine, batch.size
     dtype: torch.dtype = getattr(torch, config.machine.dtype)
     # Tensors that have a shape, and no memory.
-    candidates = torch.linspace(-1, 1, config.action.candidates, dtype=dtype, device="meta")
+    candidates = make_candidates(config, dtype, device="meta")
     network = make_value_network(config.value, candidates, runs=1)
     return Sizes(
         runs=runs,
         evaluations=config.situations // config.evaluation.every + 1,
-        tests=len(config.evaluation.situations),
+        tests=config.evaluation.tests,
         weights=sum(weight.numel() for weight in network.parameters()),
-        candidates=config.action.candidates,
+        candidates=candidates.numel(),
         window=config.window if config.trace == "window" else 1,
         lanes=engine.workers * lanes_for(runs, engine.workers, engine.most_lanes),
         bytes=dtype.itemsize,
     )
 
 
-def check_memory(config: Config, runs: int) -> str | None:
+def check_memory(batch: Batch) -> str | None:
     """Refuse a batch that this machine's memory can't hold.
 
     Returns:
@@ -116,7 +115,8 @@ def check_memory(config: Config, runs: int) -> str | None:
     Raises:
         ConfigError: it would need more than there is.
     """
-    sizes, free = sizes_of(config, runs), available(config.machine.device)
+    config, runs = batch.config, batch.size
+    sizes, free = sizes_of(batch), available(config.machine.device)
     needs = (
         f"{runs:,} run{'s' if runs > 1 else ''} with {sizes.evaluations:,} evaluations "
         f"of {sizes.weights:,} weights each "
@@ -128,7 +128,7 @@ def check_memory(config: Config, runs: int) -> str | None:
 
 
 def _smaller(config: Config, sizes: Sizes) -> str:
-    """What to make smaller, by what takes the most."""
+    """The keys to make smaller: those of what takes the most."""
     if sizes.at_work > max(sizes.kept, sizes.on_top):
         keys = ["action.candidates", "value"] + ["window"] * (config.trace == "window")
         return f"smaller {' or '.join(keys)} would do"
@@ -140,53 +140,37 @@ def _gigabytes(count: float) -> str:
 
 
 def available(device: str = "cpu") -> float:
-    """Bytes that this process can still get, infinitely many where the system doesn't say.
+    """Return the bytes that there are for a job: infinitely many where the system doesn't say.
 
-    Where the runs are on a GPU, that is what both it and the machine have left.
+    Args:
+        device: where the runs are; on a GPU, what both it and the machine have left counts.
     """
     of_device = inf if device == "cpu" else torch.cuda.mem_get_info(device)[0]
-    return min(_free_of_machine(), *_free_of_groups(), of_device)
+    return min(_free_of_machine(), *_limits_of_groups(), of_device)
 
 
 def _free_of_machine() -> float:
-    free = _read_number(Path("/proc/meminfo"), "MemAvailable:")
-    if free is not None:
-        return 1024 * free
-    try:  # not Linux: nearly all of it
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):
-        return inf
-
-
-def _free_of_groups(root: Path = _GROUPS, own: Path = _OWN_GROUPS) -> Iterator[float]:
-    """What is left of the limits of each control group that this process is in (Linux)."""
     try:
-        memberships = [line.split(":", 2) for line in own.read_text().splitlines()]
-    except OSError:
+        words = Path("/proc/meminfo").read_text().split()
+        return 1024 * int(words[words.index("MemAvailable:") + 1])
+    except (OSError, ValueError):
+        return inf  # not Linux
+
+
+def _limits_of_groups(
+    root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")
+) -> Iterator[int]:
+    """The limits of the control groups that this process is in, as a cluster's job is (Linux)."""
+    if not own.exists():
         return
-    for _, controllers, path in memberships:
-        if controllers == "":
-            top, limit, usage, cache = root, "memory.max", "memory.current", "inactive_file"
-        elif "memory" in controllers.split(","):
-            top, limit, usage = root / "memory", "memory.limit_in_bytes", "memory.usage_in_bytes"
-            cache = "total_inactive_file"
+    for line in own.read_text().splitlines():
+        _, controllers, path = line.split(":", 2)
+        if controllers == "":  # version 2
+            group, name = root / path.lstrip("/"), "memory.max"
+        elif controllers == "memory":  # version 1
+            group, name = root / "memory" / path.lstrip("/"), "memory.limit_in_bytes"
         else:
             continue
-        group = top / path.lstrip("/")
         for folder in (group, *group.parents):
-            most, used = _read_number(folder / limit), _read_number(folder / usage)
-            if most is not None and used is not None:
-                yield most - used + (_read_number(folder / "memory.stat", cache) or 0)
-            if folder == top:
-                break
-
-
-def _read_number(path: Path, name: str = "") -> int | None:
-    """The number in a file of the system, or that of the line that begins with a name."""
-    try:
-        lines = path.read_text().splitlines()
-    except OSError:
-        return None
-    words = [line.split() for line in lines if line.startswith(name)]
-    found = words[0][bool(name)] if words else ""
-    return int(found) if found.isdecimal() else None
+            with suppress(OSError, ValueError):  # there is no such file, or it says "max"
+                yield int((folder / name).read_text())

@@ -2,9 +2,8 @@
 
 import io
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import takewhile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import UnionType
 from typing import Any, Self, TypedDict, cast, get_args, get_origin, get_type_hints
@@ -15,49 +14,64 @@ from numpy.typing import NDArray
 from fnnq_torchrl.files.atomic import atomic_write
 from fnnq_torchrl.training.intervals import mean_interval
 
-# The columns of evaluations.csv. They stay first and in this order for good.
-EVALUATION_COLUMNS = ("seed", "lam", "situations", "steps", "catches", "diverged", "denormal")
-_ALWAYS = 5  # of them; files from before there were the others, which are flags, are read too
 CONFIDENCE = 0.95
-# The final score is the mean over this many last evaluations.
-FINAL_EVALUATIONS = 8
 
-_DTYPES = {
-    name: np.dtype({"lam": "f8", "diverged": "?", "denormal": "?"}.get(name, "i8"))
-    for name in EVALUATION_COLUMNS
-}
+FINAL_EVALUATIONS = 8
+"""The final score is the mean over this many last evaluations."""
+
+_RUN, _EVALUATION = "runs", "evaluations"
+
+
+def _column(dtype: str, *axes: str, name: str | None = None) -> Any:
+    """A column of evaluations.csv, under its own name or the field's, with the array's axes."""
+    return field(metadata={"dtype": np.dtype(dtype), "axes": axes, "name": name})
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluations:
     """What evaluations.csv holds: the scores of all runs, all evaluated at the same moments.
 
+    Its arrays, in their order, are the file's columns, which stay first and in this order for good.
+
+    Args:
+        measure: what the score is, as the world has it: ``successes``, ``return`` or ``length``.
+
     Raises:
         ValueError: on creation, if a shape or dtype is not as stated below, the first evaluation
             is not the one before learning, or there is no other.
     """
 
-    seed: NDArray[np.int64]  # [runs]
-    lam: NDArray[np.float64]  # [runs]
-    situations: NDArray[np.int64]  # [evaluations], learning situations before each; starts at 0
-    steps: NDArray[np.int64]  # [runs, evaluations], learning steps of the run so far
-    catches: NDArray[np.int64]  # [runs, evaluations], the score: situations that end in a catch
-    diverged: NDArray[np.bool_]  # [runs, evaluations], whether the run had; it then has no catch
-    denormal: NDArray[np.bool_]  # [runs, evaluations], whether some weights are subnormal numbers
+    seed: NDArray[np.int64] = _column("i8", _RUN)
+    lam: NDArray[np.float64] = _column("f8", _RUN)
+    # Learning situations before each evaluation, from 0.
+    situations: NDArray[np.int64] = _column("i8", _EVALUATION)
+    # Learning steps of the run so far.
+    steps: NDArray[np.int64] = _column("i8", _RUN, _EVALUATION)
+    # Episodes of the test that succeeded.
+    catches: NDArray[np.int64] = _column("i8", _RUN, _EVALUATION)
+    # Whether the run had diverged; it then has no catch.
+    diverged: NDArray[np.bool_] = _column("?", _RUN, _EVALUATION)
+    # The means over the test's episodes, in the world's rewards and in steps.
+    returns: NDArray[np.float64] = _column("f8", _RUN, _EVALUATION, name="return")
+    lengths: NDArray[np.float64] = _column("f8", _RUN, _EVALUATION, name="length")
+    measure: str = "successes"
 
     def __post_init__(self) -> None:
-        runs, evaluations = self.seed.size, self.situations.size
-        shapes = ((runs,), (runs,), (evaluations,), *[(runs, evaluations)] * 4)
-        for name, shape in zip(EVALUATION_COLUMNS, shapes, strict=True):
-            array = getattr(self, name)
-            if array.shape != shape or array.dtype != _DTYPES[name]:
+        sizes = {_RUN: self.seed.size, _EVALUATION: self.situations.size}
+        for name, item in _COLUMNS.items():
+            array, dtype = getattr(self, item.name), item.metadata["dtype"]
+            shape = tuple(sizes[axis] for axis in item.metadata["axes"])
+            if array.shape != shape or array.dtype != dtype:
                 raise ValueError(
-                    f"{name} must be {_DTYPES[name]} {list(shape)}, "
-                    f"got {array.dtype} {list(array.shape)}"
+                    f"{name} must be {dtype} {list(shape)}, got {array.dtype} {list(array.shape)}"
                 )
-        if runs == 0:
+        if self.runs == 0:
             raise ValueError("there must be at least one run")
-        if evaluations < 2 or self.situations[0] != 0 or np.any(np.diff(self.situations) <= 0):
+        if (
+            sizes[_EVALUATION] < 2
+            or self.situations[0] != 0
+            or np.any(np.diff(self.situations) <= 0)
+        ):
             raise ValueError(
                 "situations must be 0 at the first evaluation and rise at each of the others, "
                 f"of which there must be one; got {self.situations.tolist()}"
@@ -65,7 +79,7 @@ class Evaluations:
 
     @property
     def runs(self) -> int:
-        """How many runs there are."""
+        """The number of runs."""
         return self.seed.size
 
     @property
@@ -75,26 +89,64 @@ class Evaluations:
 
     @property
     def diverged_runs(self) -> int:
-        """How many runs have diverged."""
+        """The number of runs that have diverged."""
         return int(self.diverged[:, -1].sum())
 
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a column by its name in evaluations.csv, with its own axes."""
+        array: NDArray[Any] = getattr(self, _COLUMNS[name].name)
+        return array
+
     @property
-    def denormal_runs(self) -> int:
-        """How many runs have learned weights too small for full precision."""
-        return int(self.denormal[:, -1].sum())
+    def score(self) -> NDArray[Any]:
+        """The measure of each run at each evaluation, ``[runs, evaluations]``."""
+        scores: dict[str, NDArray[Any]] = {
+            "successes": self.catches,
+            "return": self.returns,
+            "length": self.lengths,
+        }
+        return scores[self.measure]
 
     @property
     def mean_score(self) -> NDArray[np.float64]:
         """Mean score of each run after learning began, so without its first: ``[runs]``."""
-        return self.catches[:, 1:].mean(axis=1)
+        return self.score[:, 1:].mean(axis=1)
 
     @property
     def final_score(self) -> NDArray[np.float64]:
         """Mean score of each run over its last ``FINAL_EVALUATIONS`` of those: ``[runs]``."""
-        return self.catches[:, 1:][:, -FINAL_EVALUATIONS:].mean(axis=1)
+        return self.score[:, 1:][:, -FINAL_EVALUATIONS:].mean(axis=1)
+
+    def of(self, runs: slice) -> Self:
+        """Return the same of some of the runs."""
+        arrays = {
+            item.name: getattr(self, item.name)[runs]
+            for item in _COLUMNS.values()
+            if _RUN in item.metadata["axes"]
+        }
+        return replace(self, **arrays)
 
 
-@dataclass(frozen=True, eq=False)
+_COLUMNS = {
+    item.metadata["name"] or item.name: item for item in fields(Evaluations) if item.metadata
+}
+
+EVALUATION_COLUMNS = tuple(_COLUMNS)
+"""The names of the columns of evaluations.csv."""
+
+
+def best_first(scores: Sequence[NDArray[Any]], measure: str) -> list[int]:
+    """Return the places of some configurations' scores, the best mean first.
+
+    Args:
+        scores: of each, ``[runs]``.
+        measure: what they are. Of ``length``, less is better.
+    """
+    sign = 1 if measure == "length" else -1
+    return sorted(range(len(scores)), key=lambda place: sign * scores[place].mean())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Outcome(Evaluations):
     """Finished runs: their evaluations, and the wall time that their batch took, part by part.
 
@@ -107,21 +159,9 @@ class Outcome(Evaluations):
     compile_seconds: float
     evaluate_seconds: float
 
-    def of(self, runs: slice) -> Self:
-        """What came of some of the runs; the batch stays the one they were in."""
-        return replace(
-            self,
-            seed=self.seed[runs],
-            lam=self.lam[runs],
-            steps=self.steps[runs],
-            catches=self.catches[runs],
-            diverged=self.diverged[runs],
-            denormal=self.denormal[runs],
-        )
-
 
 class Summary(TypedDict):
-    """The keys of summary.json, in their order. Scores are catches; intervals are [low, high]."""
+    """The keys of summary.json, in their order. Intervals are [low, high]."""
 
     runs: int
     diverged_runs: int  # they count as catching nothing from then on
@@ -133,16 +173,16 @@ class Summary(TypedDict):
     compile_seconds: float
     evaluate_seconds: float
     learning_steps_per_second: float | None  # null if no time was measured
+    measure: str  # what the scores are: successes, return or length
     mean_score: float
     mean_score_interval: list[float] | None  # null for a single run, which has none
     final_score: float
     final_score_interval: list[float] | None
     confidence: float
-    denormal_runs: int  # with subnormal numbers among the learned weights
 
 
 def summarise(outcome: Outcome) -> Summary:
-    """The job in a few numbers: means over its runs and Student's t intervals of those means."""
+    """Return the job in a few numbers: means over its runs and their Student's t intervals."""
     mean_score, mean_score_interval = _mean_over_runs(outcome.mean_score)
     final_score, final_score_interval = _mean_over_runs(outcome.final_score)
     seconds = outcome.train_seconds
@@ -156,17 +196,17 @@ def summarise(outcome: Outcome) -> Summary:
         compile_seconds=outcome.compile_seconds,
         evaluate_seconds=outcome.evaluate_seconds,
         learning_steps_per_second=outcome.batch_learning_steps / seconds if seconds > 0 else None,
+        measure=outcome.measure,
         mean_score=mean_score,
         mean_score_interval=mean_score_interval,
         final_score=final_score,
         final_score_interval=final_score_interval,
         confidence=CONFIDENCE,
-        denormal_runs=outcome.denormal_runs,
     )
 
 
 def _mean_over_runs(samples: NDArray[np.float64]) -> tuple[float, list[float] | None]:
-    """Mean of the samples, ``[runs]``, and its interval where there is one."""
+    """Return the mean of the samples, ``[runs]``, and its interval where there is one."""
     mean, low, high = mean_interval(samples, confidence=CONFIDENCE)
     return float(mean), None if samples.size == 1 else [float(low), float(high)]
 
@@ -207,7 +247,7 @@ def _no_number(name: str) -> float:
 
 
 def _is_of(value: object, hint: Any) -> bool:
-    """Whether a value read from JSON is of one of the types of a `Summary`."""
+    """Return whether a value read from JSON is of one of the types of a `Summary`."""
     if isinstance(hint, UnionType):
         return any(_is_of(value, each) for each in get_args(hint))
     if get_origin(hint) is list:
@@ -223,40 +263,42 @@ def write_evaluations(path: Path, evaluations: Evaluations) -> None:
 
 
 def _rows_of_each_run(evaluations: Evaluations) -> Iterator[bytes]:
-    # Python's own numbers, since formatting NumPy's is several times slower.
-    situations = evaluations.situations.tolist()
-    of_each_run = (
-        evaluations.seed,
-        evaluations.lam,
-        evaluations.steps,
-        evaluations.catches,
-        evaluations.diverged.astype(int),
-        evaluations.denormal.astype(int),
-    )
-    for seed, lam, *columns in zip(*(a.tolist() for a in of_each_run), strict=True):
-        run = f"{seed},{lam!r}"  # repr is the shortest text that reads back exactly
-        rows = zip(situations, *columns, strict=True)
-        yield "".join(f"{run},{a},{b},{c},{d},{e}\n" for a, b, c, d, e in rows).encode()
+    shape = evaluations.runs, evaluations.situations.size
+    columns = []
+    for item in _COLUMNS.values():
+        array = getattr(evaluations, item.name)
+        if array.dtype == bool:
+            array = array.astype(int)
+        if item.metadata["axes"] == (_RUN,):
+            array = array[:, np.newaxis]
+        # Python's own numbers, since formatting NumPy's is several times slower. The repr of a
+        # float is the shortest text that reads back exactly.
+        columns.append(np.broadcast_to(array, shape).tolist())
+    for run in zip(*columns, strict=True):
+        rows = zip(*(map(repr, column) for column in run), strict=True)
+        yield "".join(f"{','.join(row)}\n" for row in rows).encode()
 
 
-def read_evaluations(path: Path) -> Evaluations:
+def read_evaluations(path: Path, measure: str = "successes") -> Evaluations:
     """Read evaluations.csv back, exactly. Columns after the known ones are passed over.
+
+    Args:
+        path: the file.
+        measure: what the score is (:attr:`envs.core.world.WorldConfig.measure`).
 
     Raises:
         OSError: the file cannot be read.
         ValueError: it is not an evaluations.csv, or not a whole one; the message names the file.
     """
     try:
-        return _parse_evaluations(path.read_text(encoding="utf-8"))
+        return _parse_evaluations(path.read_text(encoding="utf-8"), measure)
     except ValueError as error:
         raise ValueError(f"{path} is not a complete evaluations file: {error}") from error
 
 
-def _parse_evaluations(text: str) -> Evaluations:
+def _parse_evaluations(text: str, measure: str) -> Evaluations:
     header, _, body = text.partition("\n")
-    pairs = zip(EVALUATION_COLUMNS, header.split(","), strict=False)
-    known = [name for name, _ in takewhile(lambda pair: pair[0] == pair[1], pairs)]
-    if len(known) < _ALWAYS:
+    if tuple(header.split(",")[: len(_COLUMNS)]) != EVALUATION_COLUMNS:
         raise ValueError(f"its columns must begin {','.join(EVALUATION_COLUMNS)}")
     if not body.strip():
         raise ValueError("it has no rows")
@@ -264,9 +306,9 @@ def _parse_evaluations(text: str) -> Evaluations:
         raise ValueError("its last row is cut short")
     table = np.loadtxt(
         io.StringIO(body),
-        dtype=[(name, _DTYPES[name]) for name in known],
+        dtype=[(name, item.metadata["dtype"]) for name, item in _COLUMNS.items()],
         delimiter=",",
-        usecols=range(len(known)),
+        usecols=range(len(_COLUMNS)),
         comments=None,
     )
 
@@ -275,19 +317,16 @@ def _parse_evaluations(text: str) -> Evaluations:
     if runs == 0 or table.size % runs:
         raise ValueError("some run lacks some of its evaluations")
     table = table.reshape(runs, -1)
-    if np.any(table["situations"] != table["situations"][0]):
-        raise ValueError("its runs were not all evaluated after the same situations")
-    for column in ("seed", "lam"):
-        if np.any(table[column] != table[column][:, :1]):
-            raise ValueError(f"{column} changes within a run")
-    return Evaluations(
-        seed=table["seed"][:, 0],
-        lam=table["lam"][:, 0],
-        situations=table["situations"][0],
-        steps=table["steps"],
-        catches=table["catches"],
-        **{
-            flag: table[flag] if flag in known else np.zeros(table.shape, dtype=bool)
-            for flag in EVALUATION_COLUMNS[_ALWAYS:]
-        },
-    )
+    arrays = {}
+    for name, item in _COLUMNS.items():
+        column, axes = table[name], item.metadata["axes"]
+        if axes == (_RUN,):
+            if np.any(column != column[:, :1]):
+                raise ValueError(f"{name} changes within a run")
+            column = column[:, 0]
+        elif axes == (_EVALUATION,):
+            if np.any(column != column[0]):
+                raise ValueError("its runs were not all evaluated after the same situations")
+            column = column[0]
+        arrays[item.name] = column
+    return Evaluations(**arrays, measure=measure)

@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fnnq_torchrl.training.intervals import mean_interval
-from fnnq_torchrl.training.results import CONFIDENCE, Summary
+from fnnq_torchrl.training.results import CONFIDENCE, Summary, best_first
 
 # Where there is no terminal, progress is one line each time another of so many parts is done.
 _PARTS = 5
@@ -142,6 +142,8 @@ def print_summary(summary: Summary, picture: Path, console: Console | None = Non
         ("final score", summary["final_score"], summary["final_score_interval"]),
     ):
         table.add_row(name, f"{mean:.2f}, {_interval(interval, summary['confidence'])}")
+    if summary["measure"] != "successes":
+        table.add_row("score", f"{summary['measure']} of the test's episodes")
     table.add_row("learning steps", f"{summary['learning_steps']:,}")
     rate = summary["learning_steps_per_second"]
     table.add_row("learning steps per second", "unknown" if rate is None else f"{rate:,.0f}")
@@ -150,21 +152,25 @@ def print_summary(summary: Summary, picture: Path, console: Console | None = Non
 
 
 def print_sweep(
-    scores: Sequence[tuple[str, NDArray[np.float64]]], picture: Path, console: Console | None = None
+    scores: Sequence[tuple[str, NDArray[np.float64]]],
+    picture: Path,
+    measure: str = "successes",
+    console: Console | None = None,
 ) -> None:
     """Print what a sweep found, the best first, and where its picture is.
 
     Args:
         scores: each configuration's name, and the mean score of each of its runs, ``[runs]``.
         picture: shown as by :func:`print_summary`.
+        measure: what the scores are.
         console: standard output, unless given.
     """
     console = console or Console()
     table = Table()
     for heading in ("configuration", "runs", "mean score"):
         table.add_column(heading, overflow="fold")
-    best_first = sorted(scores, key=lambda item: -item[1].mean())
-    for name, of_runs in best_first[:_ROWS]:
+    order = best_first([of_runs for _, of_runs in scores], measure)
+    for name, of_runs in (scores[place] for place in order[:_ROWS]):
         if console.options.ascii_only:
             name = "".join(_LATIN.get(letter, letter) for letter in name)
         mean, low, high = mean_interval(of_runs, confidence=CONFIDENCE)

@@ -1,22 +1,24 @@
 """Trains all runs of a job, or of many jobs, side by side and scores what they learned."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
+from typing import Self
 
+import numpy as np
 import torch
 from tensordict import TensorDict
-from torch import Tensor
 
-from envs.robot.follow import FollowBall
-from fnnq_torchrl.agent.learning_step import Program
+from envs.worlds import make_world
+from fnnq_torchrl.agent.candidates import make_candidates
+from fnnq_torchrl.agent.learning_step import Learner
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
-from fnnq_torchrl.config.schema import Config, run_columns
-from fnnq_torchrl.engine.choice import choose, make_engine
+from fnnq_torchrl.config.runs import Runs
+from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.engine.choice import Engine, choose_engine
 from fnnq_torchrl.engine.lanes import lanes_for, repeat_last
 from fnnq_torchrl.engine.scheduler import Keeper, work_through
 from fnnq_torchrl.equations.q_lambda import Rule
-from fnnq_torchrl.equations.step_size import StepSize
-from fnnq_torchrl.training.denormals import with_denormals
-from fnnq_torchrl.training.evaluation import Playing
+from fnnq_torchrl.equations.step_size import make_step_size
+from fnnq_torchrl.training.evaluation import GreedyTest, Playing
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.resume.ledger import Ledger
@@ -29,65 +31,62 @@ class Trainer:
     """Many runs, as lanes of one batch or of several: :meth:`learn`, then :meth:`evaluate`.
 
     Attributes:
-        engine_chosen: which engine, and why, in a line.
         ledger: what is done so far.
+        run: what each run has of its own, by the keys of `PER_RUN`, and ``situations``, each
+            ``[runs, 1]``.
 
     Args:
-        config: a valid configuration, of ``num_seeds`` runs.
-        columns: by each key of `PER_RUN` the values of all runs, ``[num_seeds]``, where they are
-            not those that the configuration alone gives: the runs of several jobs.
-
-    Raises:
-        ConfigError: the engine is to compile, and there is no compiler.
+        config: a valid configuration.
+        runs: what the runs have of their own, of one job or of several.
+        engine: runs the steps.
     """
 
-    def __init__(
-        self, config: Config, columns: Mapping[str, Sequence[float]] | None = None
-    ) -> None:
-        self.config = config
-        self._columns = run_columns(config) if columns is None else columns
+    def __init__(self, config: Config, runs: Runs, engine: Engine) -> None:
+        self.config, self.engine, self._runs = config, engine, runs
         self.device = torch.device(config.machine.device)
         self.dtype: torch.dtype = getattr(torch, config.machine.dtype)
-        engine, self.engine_chosen = choose(config)
-        self.engine = make_engine(engine, self.device)
-        run = {key: self._column(key, values) for key, values in self._columns.items()}
-        run["situations"] = torch.full_like(run["seed"], config.situations)
-        self.run = TensorDict(run, device=self.device).auto_batch_size_(1)
-        evaluations = config.situations // config.evaluation.every + 1
-        tests = len(config.evaluation.situations)
-        self.situations_to_learn = config.num_seeds * config.situations
-        self.situations_to_play = config.num_seeds * evaluations * tests
+        columns = {
+            key: torch.from_numpy(column).to(torch.int64 if key == "seed" else self.dtype)
+            for key, column in runs.columns.items()
+        }
+        columns["situations"] = torch.full_like(columns["seed"], config.situations)
+        batch = {key: column.unsqueeze(-1) for key, column in columns.items()}
+        self.run = TensorDict(batch, [len(runs)], device=self.device)
+        evaluations, tests = (
+            config.situations // config.evaluation.every + 1,
+            config.evaluation.tests,
+        )
+        self.situations_to_learn = len(runs) * config.situations
+        self.situations_to_play = len(runs) * evaluations * tests
         weights = self._value_network(runs=1).start(self.run["seed"])
-        self.ledger = Ledger(self._columns, weights, config.evaluation.every, evaluations, tests)
+        self.ledger = Ledger(runs, weights, config.evaluation.every, evaluations, tests)
 
-    def _column(self, key: str, values: Sequence[float]) -> Tensor:
-        dtype = torch.int64 if key == "seed" else self.dtype
-        return torch.tensor(values, dtype=dtype).unsqueeze(-1)
+    @classmethod
+    def of(cls, config: Config) -> Self:
+        """Make a trainer of the runs of one job.
+
+        Raises:
+            ConfigError: the engine is to compile, and there is no C++ compiler.
+        """
+        runs = Runs.of([config])
+        return cls(config, runs, choose_engine(config, len(runs)))
 
     def _value_network(self, runs: int) -> ValueNetwork:
-        candidates = torch.linspace(
-            -1, 1, self.config.action.candidates, dtype=self.dtype, device=self.device
-        )
+        candidates = make_candidates(self.config, self.dtype, self.device)
         return make_value_network(self.config.value, candidates, runs)
 
-    def make_program(self, lanes: int) -> Program:
-        """The learning step of so many runs."""
+    def make_learner(self, lanes: int) -> Learner:
+        """Make the learning step of so many runs."""
         config = self.config
-        return Program(
-            FollowBall(config.env, [lanes], dtype=self.dtype, device=self.device),
+        return Learner(
+            make_world(config.env, [lanes], dtype=self.dtype, device=self.device),
             self._value_network(lanes),
             rule=Rule(config.variant, config.trace, config.window),
-            step_size=StepSize(config.step_size),
+            step_size=make_step_size(config.step_size),
             exploration=config.exploration,
             evaluate_every=config.evaluation.every,
-            largest_value=config.diverged_beyond * config.env.largest_return,
+            largest_value=config.largest_value,
         )
-
-    @property
-    @torch.no_grad()
-    def begun(self) -> TensorDict:
-        """The state in which the first run begins to learn, ``[1]``."""
-        return self.make_program(1).begin(self.run[:1])
 
     @torch.no_grad()
     def learn(
@@ -99,56 +98,83 @@ class Trainer:
             on_progress: see there.
             keeper: of what the runs that aren't done have come to.
         """
-        config, engine, ledger = self.config, self.engine, self.ledger
+        engine, ledger = self.engine, self.ledger
         if int(ledger.learned.sum()) == self.situations_to_learn:
             return
-        lanes = lanes_for(config.num_seeds, engine.workers, engine.most_lanes)
-        with engine.threads(lanes * config.action.candidates), ledger.timed("train"):
-            program = self.make_program(lanes)
+        lanes = lanes_for(len(self._runs), engine.workers, engine.most_lanes)
+        with engine.threads(lanes * self._candidates), ledger.timed("train"):
+            learner = self.make_learner(lanes)
             with ledger.timed("compile"):
                 example = repeat_last(self.run, lanes)
                 loop = engine.make_loop(
-                    lambda lanes: self.make_program(lanes).step, example, program.begin(example)
+                    lambda lanes: self.make_learner(lanes).step, example, learner.begin(example)
                 )
-            learning = Learning(program, loop, self.run, ledger, on_progress)
+            learning = Learning(learner, loop, self.run, ledger, on_progress)
             work_through(learning, learning.jobs, lanes, engine.workers, keeper)
 
     @torch.no_grad()
     def evaluate(
         self, on_progress: OnProgress = lambda done: None, keeper: Keeper | None = None
     ) -> Outcome:
-        """Score all snapshots of all runs, together."""
-        config, engine, ledger = self.config, self.engine, self.ledger
+        """Score all snapshots of all runs, together.
+
+        Args:
+            on_progress, keeper: as of :meth:`learn`.
+        """
+        engine, ledger = self.engine, self.ledger
         ledger.stop_where_not_finite()
         # There is no trace to keep, and nothing is written to the weights: twice as many fit.
         lanes = lanes_for(self.situations_to_play, engine.workers, 2 * engine.most_lanes)
-        tests = torch.tensor(config.evaluation.situations, dtype=self.dtype, device=self.device)
-        with engine.threads(lanes * config.action.candidates), ledger.timed("evaluate"):
+        with engine.threads(lanes * self._candidates), ledger.timed("evaluate"):
             with ledger.timed("compile"):
                 playing = Playing(
-                    self._value_network(runs=1),
-                    config.env.on_both_sides(),
-                    tests,
-                    self.run["seed"],
-                    ledger.book.pages["weights"],
-                    ledger.played,
-                    ledger.catches,
-                    engine,
-                    lanes,
-                    on_progress,
+                    self._test,
+                    seed=self.run["seed"],
+                    weights=ledger.book.pages["weights"],
+                    results=ledger.results,
+                    engine=engine,
+                    lanes=lanes,
+                    on_progress=on_progress,
                 )
             work_through(playing, playing.jobs, lanes, engine.workers, keeper)
-        pages = ledger.book.pages
+        return self._outcome()
+
+    @property
+    def _candidates(self) -> int:
+        return self._value_network(runs=1).candidates.numel()
+
+    @property
+    def _test(self) -> GreedyTest:
+        config, fixed = self.config, self.config.evaluation.fixed
+        situations = (
+            config.evaluation.tests
+            if fixed is None
+            else torch.tensor(fixed, dtype=self.dtype, device=self.device)
+        )
+        return GreedyTest(config.env.tested, self._value_network(runs=1), situations)
+
+    def _outcome(self) -> Outcome:
+        ledger, pages, config = self.ledger, self.ledger.book.pages, self.config
+        # A run that has diverged plays no more: it has the worst result that there is.
+        diverged = ledger.diverged.T.contiguous().numpy()
+        success, reward, length = (
+            ledger.results[key].transpose(0, 1).numpy() for key in ("success", "return", "length")
+        )
+        world = config.env.tested
+        returns = reward.mean(axis=-1, dtype=np.float64)
+        lowest = returns[:, :1] if world.returns is None else world.returns[0]
+        lengths = length.mean(axis=-1, dtype=np.float64)
         return Outcome(
-            seed=torch.tensor(self._columns["seed"]).numpy(),
-            lam=torch.tensor(self._columns["lam"], dtype=torch.float64).numpy(),
-            situations=(torch.arange(len(pages)) * config.evaluation.every).numpy(),
+            seed=self._runs["seed"],
+            lam=self._runs["lam"],
+            situations=np.arange(len(pages)) * config.evaluation.every,
             steps=pages["steps"].T.contiguous().cpu().numpy(),
-            catches=ledger.catches.T.contiguous().numpy(),
-            diverged=ledger.diverged.T.contiguous().numpy(),
-            # Page by page, since all at once would take several times the memory of all weights.
-            denormal=torch.stack([*map(with_denormals, pages["weights"])], dim=1).numpy(),
-            batch_runs=config.num_seeds,
+            catches=success.sum(axis=-1, dtype=np.int64),
+            diverged=diverged,
+            returns=np.where(diverged, lowest, returns),
+            lengths=np.where(diverged, world.time_limit_steps, lengths),
+            measure=world.measure,
+            batch_runs=len(self._runs),
             batch_learning_steps=self.learning_steps,
             train_seconds=ledger.seconds["train"],
             compile_seconds=ledger.seconds["compile"],

@@ -4,17 +4,17 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from fnnq_torchrl.agent.learning_step import Program
+from fnnq_torchrl.agent.learning_step import Learner
 from fnnq_torchrl.agent.values import FNNQValue
 from fnnq_torchrl.config.schema import PER_RUN
 from fnnq_torchrl.engine import graphs
 from fnnq_torchrl.equations.names import EXPLORATIONS, TRACES, VARIANTS
 from fnnq_torchrl.equations.q_lambda import Rule
-from fnnq_torchrl.equations.step_size import StepSize
+from fnnq_torchrl.equations.step_size import make_step_size
 from tests.oracles.peng import peng_q_lambda
 from tests.oracles.q_lambdas import q_lambda
 from tests.oracles.random_mdp import ACTIONS, STATES, RandomMDP, Walk
-from tests.programs import advance, config, make_program, make_runs
+from tests.programs import advance, config, make_learner, make_runs
 
 CRISP = 0.01  # the labels' width, where places and actions are 1 apart: all other memberships are 0
 STEPS = 150
@@ -42,7 +42,7 @@ def mdp_runs() -> TensorDict:
     return TensorDict({key: value.unsqueeze(-1) for key, value in columns.items()}, [runs])
 
 
-def mdp_program(runs: int, rule: Rule, step_size: str = "decay") -> Program:
+def mdp_learner(runs: int, rule: Rule, step_size: str = "decay") -> Learner:
     candidates = torch.linspace(-1, 1, ACTIONS, dtype=torch.float64)
     network = FNNQValue(
         {"place": [(place, CRISP) for place in range(STATES)]},
@@ -50,11 +50,11 @@ def mdp_program(runs: int, rule: Rule, step_size: str = "decay") -> Program:
         candidates,
         runs=runs,
     )
-    return Program(
+    return Learner(
         RandomMDP(runs),
         network,
         rule=rule,
-        step_size=StepSize(step_size),
+        step_size=make_step_size(step_size),
         exploration="epsilon_greedy",
         evaluate_every=1,
         largest_value=1e6,
@@ -88,10 +88,10 @@ def tables(mdp_runs: TensorDict) -> dict[str, torch.Tensor]:
 def test_with_crisp_labels_it_is_pengs_tabular_q_lambda_to_the_last_bit(
     mdp_runs: TensorDict, tables: dict[str, torch.Tensor], reading: str
 ) -> None:
-    program = mdp_program(len(mdp_runs), Rule(trace=reading))
-    state = program.begin(mdp_runs)
+    learner = mdp_learner(len(mdp_runs), Rule(trace=reading))
+    state = learner.begin(mdp_runs)
     for step in range(STEPS):
-        state = program.step(mdp_runs, state)
+        state = learner.step(mdp_runs, state)
         assert torch.equal(state["weights", "weight"], tables["q"][:, step]), step
         assert torch.equal(state["trace", "weight"], tables["trace"][:, step]), step
         assert torch.equal(state["alpha"].squeeze(-1), tables["alpha"][:, step]), step
@@ -113,8 +113,8 @@ SOME = 60
 def test_with_crisp_labels_every_q_lambda_is_the_tabular_one(
     mdp_runs: TensorDict, variant: str, trace: str, window: int
 ) -> None:
-    program = mdp_program(len(mdp_runs), Rule(variant, trace, window))
-    learned = advance(program, mdp_runs, SOME)
+    learner = mdp_learner(len(mdp_runs), Rule(variant, trace, window))
+    learned = advance(learner, mdp_runs, SOME)
     for i in range(len(mdp_runs)):
         values = own_values(mdp_runs, i)
         walk = Walk(values.pop("seed"))
@@ -134,7 +134,7 @@ def test_with_crisp_labels_every_step_size_is_the_tabular_one(
 ) -> None:
     kappa = torch.linspace(1.1, 3, len(mdp_runs), dtype=torch.float64)
     runs = mdp_runs.clone().set("kappa", kappa.unsqueeze(-1))
-    learned = advance(mdp_program(len(runs), Rule(variant, trace), step_size), runs, SOME)
+    learned = advance(mdp_learner(len(runs), Rule(variant, trace), step_size), runs, SOME)
     for i in range(len(runs)):
         values = own_values(runs, i)
         walk = Walk(values.pop("seed"))
@@ -153,8 +153,8 @@ def test_no_two_q_lambdas_are_the_same() -> None:
     weights = {}
     for variant, trace in product(VARIANTS, TRACES):
         rule = (f"variant={variant}", f"trace={trace}", "window=3")
-        program = make_program(config("machine.dtype=float64", *rule), run)
-        weights[variant, trace] = advance(program, run, 28)["weights", "weight"]
+        learner = make_learner(config("machine.dtype=float64", *rule), run)
+        weights[variant, trace] = advance(learner, run, 28)["weights", "weight"]
     kept = torch.stack([*weights.values()]).flatten(1)
     apart = (kept.unsqueeze(0) - kept.unsqueeze(1)).abs().amax(-1) + torch.eye(len(kept))
     assert apart.min() > 1e-3
@@ -166,23 +166,30 @@ def test_a_window_as_long_as_the_episode_is_the_gradient_trace(variant: str) -> 
     settings = ("machine.dtype=float64", "lam=0.9", f"variant={variant}")
     run = make_runs(config(*settings), 4)
     learned = [
-        advance(make_program(config(*settings, *trace), run), run, 45)["weights", "weight"]
+        advance(make_learner(config(*settings, *trace), run), run, 45)["weights", "weight"]
         for trace in (("trace=gradient",), ("trace=window", "window=14"))
     ]
     torch.testing.assert_close(*learned, rtol=1e-11, atol=1e-13)
 
 
-@pytest.mark.parametrize(("variant", "trace"), [*product(VARIANTS, TRACES)])
 @torch.no_grad()
-def test_without_lambda_every_q_lambda_is_q_learning(variant: str, trace: str) -> None:
-    settings = ("machine.dtype=float64", "lam=0")
-    run = make_runs(config(*settings), 4)
-    rule = (f"variant={variant}", f"trace={trace}")
-    learned = [
-        advance(make_program(config(*settings, *rule), run), run, 45)["weights", "weight"]
-        for rule in ((), rule)
-    ]
-    torch.testing.assert_close(*learned, rtol=1e-11, atol=1e-13)
+def learned_without_lambda(*rule: str) -> torch.Tensor:
+    settings = config("machine.dtype=float64", "lam=0", *rule)
+    run = make_runs(settings, 4)
+    return advance(make_learner(settings, run), run, 30)["weights", "weight"]
+
+
+@pytest.fixture(scope="module")
+def q_learned() -> torch.Tensor:
+    return learned_without_lambda()
+
+
+@pytest.mark.parametrize(("variant", "trace"), [*product(VARIANTS, TRACES)])
+def test_without_lambda_every_q_lambda_is_q_learning(
+    variant: str, trace: str, q_learned: torch.Tensor
+) -> None:
+    learned = learned_without_lambda(f"variant={variant}", f"trace={trace}")
+    torch.testing.assert_close(learned, q_learned, rtol=1e-11, atol=1e-13)
 
 
 def test_the_table_has_learned_something(tables: dict[str, torch.Tensor]) -> None:
@@ -207,8 +214,8 @@ def test_every_value_of_a_run_acts_on_that_run_alone(exploration: str) -> None:
         changed[key] += 0.1  # is another policy's, or another step size's
     for lane, (key, value) in enumerate((CHANGES | {amount: AMOUNTS[amount]}).items()):
         changed[key][lane] = value
-    program = make_program(settings, base)
-    before, after = (advance(program, run, 80)["weights", "weight"] for run in (base, changed))
+    learner = make_learner(settings, base)
+    before, after = (advance(learner, run, 80)["weights", "weight"] for run in (base, changed))
     differs = (before != after).flatten(1).any(1).tolist()
     changes = len(CHANGES) + 1
     assert differs == [True] * changes + [False] * (12 - changes)
@@ -218,25 +225,25 @@ def test_every_value_of_a_run_acts_on_that_run_alone(exploration: str) -> None:
 def test_a_step_is_a_function() -> None:
     settings = config()
     run = make_runs(settings, 4)
-    program = make_program(settings, run)
-    state = advance(program, run, 20)
+    learner = make_learner(settings, run)
+    state = advance(learner, run, 20)
     kept_run, kept_state = run.clone(), state.clone()
-    one, other = program.step(run, state), program.step(run, state)
+    one, other = learner.step(run, state), learner.step(run, state)
     assert (one == other).all()
     assert (run == kept_run).all()
     assert (state == kept_state).all()
-    assert (program.loss.value_network.weight == 0).all()
+    assert (learner.loss.value_network.weight == 0).all()
 
 
 @torch.no_grad()
 def test_alpha_decays_after_a_catch_only_and_situations_are_counted() -> None:
     settings = config()
     run = make_runs(settings, 16)
-    program = make_program(settings, run)
-    state = program.begin(run)
+    learner = make_learner(settings, run)
+    state = learner.begin(run)
     seen = {"catch": 0, "miss": 0}
     for step in range(1, 40):
-        before, state = state, program.step(run, state)
+        before, state = state, learner.step(run, state)
         ended = state["situations"] - before["situations"]
         caught = state["alpha"] < before["alpha"]
         assert torch.equal(state["alpha"][caught], before["alpha"][caught] * 0.99)
@@ -255,19 +262,19 @@ def test_alpha_decays_after_a_catch_only_and_situations_are_counted() -> None:
 def test_a_run_whose_values_leave_all_bounds_has_diverged_and_stops_counting() -> None:
     settings = config("evaluation.every=1", "situations=100")
     run = make_runs(settings, 4)
-    program = make_program(settings, run)
-    state = program.begin(run)
-    bound = program.largest_value
+    learner = make_learner(settings, run)
+    state = learner.begin(run)
+    bound = learner.largest_value
     assert bound == 100  # of the largest return, a catch
     for i, weight in enumerate((0.99 * bound, -1.01 * bound, torch.nan, 1.01 * bound)):
         state["weights", "weight"][i] = weight
     state["over"][3] = True  # what becomes of it is nobody's business
-    first = program.step(run, state)
+    first = learner.step(run, state)
     assert first["diverged"].squeeze(-1).tolist() == [False, True, True, False]
     assert first["over"].squeeze(-1).tolist() == [False, True, True, False]
     assert first["steps"].squeeze(-1).tolist() == [1, 0, 0, 1]
     for _ in range(30):
-        state = program.step(run, state)
+        state = learner.step(run, state)
     assert torch.equal(state["diverged"][1:3], torch.ones(2, 1, dtype=torch.bool))
     assert (state["steps"][1:3] == 0).all()
     assert (state["situations"][1:3] == 0).all()
@@ -276,7 +283,7 @@ def test_a_run_whose_values_leave_all_bounds_has_diverged_and_stops_counting() -
 
 def test_no_two_entries_of_the_first_state_share_memory() -> None:
     run = make_runs(config(), 2)
-    state = make_program(config(), run).begin(run)
+    state = make_learner(config(), run).begin(run)
     leaves = [*state.values(include_nested=True, leaves_only=True), *run.values()]
     assert len({leaf.data_ptr() for leaf in leaves}) == len(leaves)
 
@@ -297,13 +304,13 @@ def test_a_step_traced_is_the_step(options: tuple[str, ...]) -> None:
     """What a compiled loop is made of: a graph from plain tensors to plain tensors."""
     settings = config("machine.dtype=float64", *options)
     run = make_runs(settings, 3)
-    program = make_program(settings, run)
-    graph = graphs.trace(program.step, run, program.begin(run))
-    state = advance(program, run, 9)
+    learner = make_learner(settings, run)
+    graph = graphs.trace(learner.step, run, learner.begin(run))
+    state = advance(learner, run, 9)
     for _ in range(6):  # an end is among them
         before = graphs.leaves(state)
         traced = graph(*graphs.leaves(run).values(), *before.values())
-        state = program.step(run, state)
+        state = learner.step(run, state)
         expected = graphs.leaves(state)
         for key, value in zip(before, traced, strict=True):
             torch.testing.assert_close(value, expected[key], rtol=1e-12, atol=1e-14, msg=key)

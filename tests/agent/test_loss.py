@@ -15,7 +15,7 @@ from fnnq_torchrl.agent.loss import PengQLambdaLoss
 from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.equations.q_lambda import Rule
-from tests.programs import advance, config, make_program, make_runs
+from tests.programs import advance, config, make_learner, make_runs
 
 RUNS, STEPS = 4, 45
 CANDIDATES = torch.linspace(-1, 1, 21, dtype=torch.float64)
@@ -255,8 +255,8 @@ def test_with_sgd_the_hook_learns_what_the_program_learns(
     settings = config(f"trace={reading}", "alpha_decay=1", "machine.dtype=float64")
     run = make_runs(settings, RUNS, lam=real(0.0, 0.2, 0.8, 1.0), gamma=real(0.95, 0.9, 0.8, 1.0))
     network = fill(make_network(), seed=1)
-    program = make_program(settings, run, network)
-    expected = advance(program, run, STEPS)["weights"]
+    learner = make_learner(settings, run, network)
+    expected = advance(learner, run, STEPS)["weights"]
 
     env = FollowBall(settings.env, [RUNS], dtype=torch.float64)
     policy = EpsilonGreedyPolicy(network, run["epsilon"])
@@ -383,7 +383,7 @@ def test_the_hook_works_in_torchrls_trainer() -> None:
 
     settings = config("machine.dtype=float64", "alpha_decay=1", "lam=0.8")
     run = make_runs(settings, RUNS)
-    expected = advance(make_program(settings, run), run, STEPS)["weights", "weight"]
+    expected = advance(make_learner(settings, run), run, STEPS)["weights", "weight"]
 
     network = fnn()
     loss = PengQLambdaLoss(network, settings.gamma)

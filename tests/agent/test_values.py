@@ -19,9 +19,9 @@ from fnnq_torchrl.config.values import SCHEMAS
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.native import NativeLoop
 from fnnq_torchrl.launch.composition import load_config
-from fnnq_torchrl.training.checkpoint import load_checkpoint
+from fnnq_torchrl.training.weights import load_checkpoint
 from tests.oracles import approximators
-from tests.programs import advance, config, in_lanes, make_program, make_runs
+from tests.programs import advance, config, in_lanes, make_learner, make_runs
 
 CANDIDATES = torch.linspace(-1, 1, 21, dtype=torch.float64)
 RUNS = 3
@@ -174,8 +174,8 @@ def test_a_run_alone_is_the_run_in_a_batch(kind: str) -> None:
     small = config(f"value={kind}", "alpha=0.1", *SMALL.get(kind, []))
     runs = make_runs(small, 2 * LANES, lam=torch.linspace(0, 1, 2 * LANES))
     alone = in_lanes(runs[37:38])
-    together = advance(make_program(small, runs), runs, 30)["weights"]
-    single = advance(make_program(small, alone), alone, 30)["weights"]
+    together = advance(make_learner(small, runs), runs, 30)["weights"]
+    single = advance(make_learner(small, alone), alone, 30)["weights"]
     for name, weight in together.items():
         assert torch.equal(weight[37], single[name][0])
         assert not torch.equal(weight[36], weight[37])
@@ -186,12 +186,12 @@ def test_a_run_alone_is_the_run_in_a_batch(kind: str) -> None:
 def test_compiled_is_eager(kind: str) -> None:
     small = config(f"value={kind}", "alpha=0.1", "machine.dtype=float64", *SMALL.get(kind, []))
     runs = make_runs(small, LANES, lam=torch.linspace(0, 1, LANES))
-    program = make_program(small, runs)
-    expected = advance(program, runs, 20)["weights"]
+    learner = make_learner(small, runs)
+    expected = advance(learner, runs, 20)["weights"]
     loop = NativeLoop(
-        lambda lanes: make_program(small, runs[:lanes]).step, runs, program.begin(runs)
+        lambda lanes: make_learner(small, runs[:lanes]).step, runs, learner.begin(runs)
     )
-    running = loop(runs, program.begin(runs))
+    running = loop(runs, learner.begin(runs))
     running.advance(20)
     for name, weight in expected.items():
         torch.testing.assert_close(running.state["weights", name], weight, rtol=1e-9, atol=1e-12)

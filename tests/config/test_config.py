@@ -12,18 +12,14 @@ from hydra.core.utils import JobRuntime
 from omegaconf import OmegaConf
 
 from envs.core.parameters import allowed
+from envs.schemas import SCHEMAS as WORLDS
+from envs.worlds import WORLDS as CLASSES
 from fnnq_torchrl.agent.values import NETWORKS
+from fnnq_torchrl.config.checking import UnknownKey, ranges_of, to_config
 from fnnq_torchrl.config.choices import config_directory
-from fnnq_torchrl.config.schema import (
-    PER_RUN,
-    Config,
-    ConfigError,
-    UnknownKey,
-    ranges_of,
-    run_columns,
-    to_config,
-)
-from fnnq_torchrl.config.values import SCHEMAS
+from fnnq_torchrl.config.runs import Runs
+from fnnq_torchrl.config.schema import PER_RUN, Config, ConfigError
+from fnnq_torchrl.config.values import SCHEMAS as VALUES
 from fnnq_torchrl.launch.composition import load_config
 
 CONF = config_directory()
@@ -31,7 +27,8 @@ FILES = {path.relative_to(CONF) for path in CONF.rglob("*") if path.is_file()}
 # Experiments are added to a configuration, the other groups have one choice each in it.
 CHOICES = {
     path: f"{'+' * (path.parent.name == 'experiment')}{path.parent}={path.stem}"
-    for path in sorted(FILES - {Path("config.yaml")})
+    for path in sorted(FILES - {Path("config.yaml"), Path("action/all.yaml")})
+    if path.parent != Path("value/labels")  # which a task chooses
 }
 
 EVERY_LOGGER = "logger=[csv,wandb,tensorboard,mlflow]"
@@ -67,20 +64,18 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "resume": "auto",
         "checkpoint": {"every_s": 300, "snapshots": False},
         "env": {
+            "kind": "follow_ball",
             "time_step_s": 0.1,
             "speed_mps": 0.3,
             "track_width_m": 0.321,
             "circle_radius_m": 1.5,
             "start_angle_rad": 0.9,
-            "start_side": "both",
-            "switch_side_after": 0,
             "ball_speed_min_radps": 0.05,
             "ball_speed_max_radps": 0.15,
             "catch_distance_m": 0.2,
             "time_limit_steps": 120,
             "bearing_noise_rad": 0.01,
             "field_of_view_rad": 1.0,
-            "other_view_rad": 1.0,
             "catch_reward": 1.0,
             "miss_reward": -0.5,
         },
@@ -116,25 +111,35 @@ def test_overrides_reach_their_keys():
 
 
 @pytest.mark.parametrize(
-    ("kind", "key"),
+    ("env", "value", "key"),
     [
-        *(("fnnq", key) for key in allowed(Config)),
-        *((kind, key) for kind in SCHEMAS for key in allowed(SCHEMAS[kind], "value.")),
+        *(("follow_ball", "fnnq", key) for key in allowed(Config)),
+        *(("follow_ball", kind, key) for kind in VALUES for key in allowed(VALUES[kind], "value.")),
+        *((kind, "fnnq", key) for kind in WORLDS for key in allowed(WORLDS[kind], "env.")),
     ],
 )
-def test_every_key_has_a_type_and_a_range(kind, key):
-    values = OmegaConf.create(asdict(load_config(f"value={kind}", EVERY_LOGGER)))
+def test_every_key_has_a_type_and_a_range(env, value, key):
+    config = load_config(f"env={env}", f"value={value}", EVERY_LOGGER)
+    values = OmegaConf.create(asdict(config))
     OmegaConf.update(values, key, NONSENSE)
     with pytest.raises(ConfigError) as refused:
         to_config(values)
-    assert str(refused.value) == f"{key}={NONSENSE}: must be {ranges_of(kind)[key]}"
+    ranges = ranges_of({"env": env, "value": value})
+    assert str(refused.value) == f"{key}={NONSENSE}: must be {ranges[key]}"
+
+
+def test_a_world_has_a_file_of_values_a_schema_and_a_class():
+    assert CLASSES.keys() == WORLDS.keys()
+    for kind in WORLDS:
+        assert load_config(f"env={kind}").env.kind == kind
+        assert CLASSES[kind].schema is WORLDS[kind]
 
 
 def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
-    assert NETWORKS.keys() == SCHEMAS.keys()
-    for kind in SCHEMAS:
+    assert NETWORKS.keys() == VALUES.keys()
+    for kind in VALUES:
         assert load_config(f"value={kind}").value.kind == kind
-        assert NETWORKS[kind].schema is SCHEMAS[kind]
+        assert NETWORKS[kind].schema is VALUES[kind]
 
 
 @pytest.mark.parametrize(
@@ -145,9 +150,18 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
             "env.ball_speed_min_radps=0.2: must be at most ball_speed_max_radps=0.15",
         ),
         (
-            "env.switch_side_after=5",
-            "env.switch_side_after=5: must be 0 with start_side=both",
+            "env.start_side=left",
+            "env.start_side=left: there is no env.start_side; env=follow_one_side has one",
         ),
+        (
+            "value.tilings=4",
+            "value.tilings=4: there is no value.tilings; value=tiles has one",
+        ),
+        (
+            "env.kind=maze",
+            "env.kind=maze: must be follow_ball, follow_one_side or, of your own, module:Class",
+        ),
+        ("env.kind=nowhere:Maze", "kind=nowhere:Maze: No module named 'nowhere'"),
         (
             "+value.inputs.sonar=[[0,1]]",
             "value.inputs.sonar=[[0, 1]]: must be under the name of one of: bearing",
@@ -160,7 +174,13 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             "evaluation.situations=[]",
-            "evaluation.situations=[]: must be a list of at least one pair [angle, speed]",
+            "evaluation.situations=[]: must be a list of at least one start [number, …], "
+            "or a whole number >= 1",
+        ),
+        (
+            "evaluation.situations=[[0.1]]",
+            "evaluation.situations=[[0.1]]: must be a list of starts [angle, speed], "
+            "or a whole number of random ones",
         ),
         ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1"),
         ("evaluation.every=3", "situations=200: must be a whole multiple of evaluation.every=3"),
@@ -171,7 +191,11 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         ("step_siz=obgd", "step_siz=obgd: there is no step_siz; did you mean step_size?"),
         ("kappa=1", "kappa=1.0: must be a number in (1, inf)"),
-        ("action.candidates=1", "action.candidates=1: must be a whole number >= 2"),
+        ("action.candidates=1", "action.candidates=1: must be a whole number >= 2, or null"),
+        (
+            "action=all",
+            "action.candidates=None: must be a number, of a range of actions as follow_ball has",
+        ),
         ("machine.device=tpu", "machine.device=tpu: must be cpu, cuda or cuda:N"),
         ("~lam", "lam=???: must be a number in [0, 1]"),
         ("lam=${nowhere}", "lam: Interpolation key 'nowhere' not found"),
@@ -212,6 +236,49 @@ def test_a_step_size_brings_its_values_and_yields_to_the_users(given):
     assert load_config("step_size=obgd").alpha == 1
 
 
+@pytest.fixture
+def own_task(tmp_path):
+    """A task of a user's own on our world, as its directory of configuration."""
+    for name, text in {
+        "task/mine.yaml": "# @package _global_\n"
+        "defaults: [/env: follow_ball, /action: even, /evaluation: random]\n",
+        "learner/mine.yaml": "# @package _global_\ngamma: 0.5\nalpha: 0.7\nalpha_decay: 0.8\n",
+        "value/labels/mine.yaml": "inputs: {bearing: [[0, 1]]}\naction: [[0, 1]]\n",
+        "value/mine.yaml": "# @package _global_\n"
+        "defaults: [fnnq@value]\nalpha: 0.6\nalpha_decay: 0.9\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return f"hydra.searchpath=[{tmp_path.as_uri()}]"
+
+
+@pytest.mark.parametrize(
+    ("given", "alpha", "alpha_decay"),
+    [
+        ((), 0.7, 0.99),  # the step size says how it decays
+        (("value=mine",), 0.6, 0.99),
+        (("value=mine", "step_size=obgd"), 1, 1),
+        (("step_size=obgd", "value=mine", "alpha=0.2"), 0.2, 1),
+        (("alpha_decay=0.5", "value=mine"), 0.6, 0.5),
+    ],
+)
+def test_a_task_yields_to_the_value_that_to_the_step_size_and_all_to_the_user(
+    own_task, given, alpha, alpha_decay
+):
+    config = load_config(own_task, "task=mine", *given)
+    assert (config.alpha, config.alpha_decay) == (alpha, alpha_decay)
+    assert config.gamma == 0.5
+    assert config.evaluation.tests == 10
+
+
+def test_a_task_brings_its_labels(own_task):
+    assert load_config(own_task, "task=mine").value.inputs == {"bearing": [[0, 1]]}
+    assert load_config(own_task, "task=mine", "value=rbf").value.action == [[0, 1]]
+    assert load_config(own_task, "task=mine", "value=mlp").value.inputs == ["bearing"]
+    spans = load_config(own_task, "task=mine", "value=tiles", "env.field_of_view_rad=2").value
+    assert (spans.inputs, spans.action) == ({"bearing": [-2, 2]}, [-1, 1])
+
+
 def test_a_constant_does_not_decay():
     assert load_config("step_size=constant", "alpha_decay=1").alpha_decay == 1
     with pytest.raises(
@@ -221,7 +288,7 @@ def test_a_constant_does_not_decay():
 
 
 def test_the_last_seed_fits_63_bits(default):
-    assert run_columns(load_config(f"seed={2**63 - 2}", "num_seeds=2"))["seed"][-1] == 2**63 - 1
+    assert Runs.of([load_config(f"seed={2**63 - 2}", "num_seeds=2")])["seed"][-1] == 2**63 - 1
     with pytest.raises(ConfigError, match=f"^seed={2**63 - 1}: must be at most {2**63 - 2}"):
         replace(default, seed=2**63 - 1, num_seeds=2)
 
@@ -232,10 +299,11 @@ def test_a_config_is_checked_when_it_is_made(default):
 
 
 def test_the_columns_of_the_runs(default):
-    columns = run_columns(replace(default, seed=3, num_seeds=4))
+    columns = Runs.of([replace(default, seed=3, num_seeds=4)]).columns
     assert tuple(columns) == PER_RUN
-    assert columns.pop("seed") == [3, 4, 5, 6]
-    assert columns == {key: [getattr(default, key)] * 4 for key in columns}
+    assert columns.pop("seed").tolist() == [3, 4, 5, 6]
+    for key, column in columns.items():
+        assert column.tolist() == [getattr(default, key)] * 4
 
 
 def test_a_saved_configuration_comes_back(default):

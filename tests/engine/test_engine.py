@@ -10,12 +10,11 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 
 from fnnq_torchrl.config.schema import ConfigError
-from fnnq_torchrl.engine.choice import choose, make_engine
+from fnnq_torchrl.engine.choice import choose_engine, make_engine
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.loops import EagerLoop
 from fnnq_torchrl.engine.native import build, cache_directory
 from fnnq_torchrl.launch.composition import load_config
-from fnnq_torchrl.training.trainer import Trainer
 
 CPU = torch.device("cpu")
 LITTLE, MUCH = load_config("situations=5"), load_config("situations=10000")
@@ -43,8 +42,9 @@ def test_auto_is_by_the_work_ahead(install: Callable[[str], Path]) -> None:
         (LITTLE, "eager", "not worth compiling"),
         (MUCH, "compiled", "worth it"),
     ):
-        name, line = choose(config)
-        assert name == expected
+        engine = choose_engine(config, 1)
+        line = engine.why
+        assert engine.name == expected
         assert line.startswith(f"engine: {expected}, since about ")
         assert why in line
         assert "\n" not in line
@@ -52,26 +52,32 @@ def test_auto_is_by_the_work_ahead(install: Callable[[str], Path]) -> None:
 
 def test_more_work_never_makes_it_eager_again(install: Callable[[str], Path]) -> None:
     install("g++")
-    names = [choose(replace(LITTLE, situations=5 * 2**n))[0] for n in range(12)]
+    names = [choose_engine(replace(LITTLE, situations=5 * 2**n), 1).name for n in range(12)]
     assert names == sorted(names, reverse=True)  # first eager, then compiled
     assert set(names) == {"eager", "compiled"}
     # Runs side by side are as many steps: what they cost more than one run is little.
-    assert choose(replace(LITTLE, num_seeds=1000))[0] == "eager"
+    assert choose_engine(LITTLE, 1000).name == "eager"
 
 
 def test_without_a_compiler_auto_is_eager_and_says_why(install: Callable[[str], Path]) -> None:
-    assert choose(MUCH) == ("eager", "engine: eager, since there is no C++ compiler that works")
+    engine = choose_engine(MUCH, 1)
+    assert engine.name == "eager"
+    assert engine.why == "engine: eager, since there is no C++ compiler that works"
 
 
 @pytest.mark.parametrize("engine", ["eager", "compiled"])
 @pytest.mark.parametrize("job", [LITTLE, MUCH], ids=["little", "much"])
 def test_what_is_asked_for_is_what_there_is(install, job, engine: str) -> None:
-    assert choose(replace(job, engine=engine)) == (engine, f"engine: {engine}, as asked for")
+    install("g++")
+    chosen = choose_engine(replace(job, engine=engine), 1)
+    assert (chosen.name, chosen.why) == (engine, f"engine: {engine}, as asked for")
 
 
 def test_a_compiler_that_fails_is_as_good_as_none(install: Callable[[str], Path]) -> None:
     install("g++").write_text("#!/bin/sh\nexit 1\n")
-    assert choose(MUCH) == ("eager", "engine: eager, since there is no C++ compiler that works")
+    engine = choose_engine(MUCH, 1)
+    assert engine.name == "eager"
+    assert engine.why == "engine: eager, since there is no C++ compiler that works"
 
 
 @pytest.mark.usefixtures("install")
@@ -79,7 +85,7 @@ def test_compiling_without_a_compiler_is_refused_in_one_line() -> None:
     with pytest.raises(ConfigError, match=r"^engine=compiled: .*C\+\+ compiler.*engine=eager$"):
         make_engine("compiled", CPU)
     with pytest.raises(ConfigError) as refused:
-        Trainer(replace(LITTLE, engine="compiled"))
+        choose_engine(replace(LITTLE, engine="compiled"), 1)
     assert len(str(refused.value).splitlines()) == 1
 
 
@@ -126,7 +132,9 @@ def test_inductor_keeps_its_programs_there_too_unless_the_user_says_where(
     install("g++")
     make_loop = make_engine("compiled", torch.device("cuda")).make_loop
     make_loop(counting, *[TensorDict({}, [LANES])] * 2)
-    assert os.environ["TORCHINDUCTOR_CACHE_DIR"] == str(cache_directory() / "inductor")
+    capability = torch.backends.cpu.get_cpu_capability()
+    own = cache_directory() / "inductor" / capability
+    assert os.environ["TORCHINDUCTOR_CACHE_DIR"] == str(own)
     monkeypatch.setenv("TORCHINDUCTOR_CACHE_DIR", str(tmp_path / "mine"))
     make_loop(counting, *[TensorDict({}, [LANES])] * 2)
     assert os.environ["TORCHINDUCTOR_CACHE_DIR"] == str(tmp_path / "mine")

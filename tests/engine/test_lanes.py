@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tensordict import TensorDict
 
 from fnnq_torchrl.engine.lanes import LANES, lanes_for
-from tests.programs import advance, config, in_lanes, make_program, make_runs
+from tests.programs import advance, config, in_lanes, make_learner, make_runs
 
 RUNS, STEPS = 22, 300
 
@@ -65,7 +65,7 @@ def on_threads(count: int) -> Iterator[None]:
 def learn(run: TensorDict, steps: int) -> TensorDict:
     """The state of these runs after some steps, without padding."""
     lanes = in_lanes(run)
-    return advance(make_program(config(), lanes), lanes, steps)[: len(run)]
+    return advance(make_learner(config(), lanes), lanes, steps)[: len(run)]
 
 
 def assert_same_bits(state: TensorDict, other: TensorDict) -> None:

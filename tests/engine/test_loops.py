@@ -8,7 +8,8 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from fnnq_torchrl.agent.gradient import gradient
-from fnnq_torchrl.agent.learning_step import Program
+from fnnq_torchrl.agent.learning_step import Learner
+from fnnq_torchrl.config.runs import Runs
 from fnnq_torchrl.config.schema import PER_RUN, Config, ConfigError
 from fnnq_torchrl.engine import choice as engine
 from fnnq_torchrl.engine.graphs import leaves, trace
@@ -19,7 +20,7 @@ from fnnq_torchrl.engine.native import NativeLoop, RunsMixed, Unsupported
 from fnnq_torchrl.engine.scheduler import work_through
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.resume.ledger import Ledger
-from tests.programs import config, in_lanes, make_program, make_runs
+from tests.programs import config, in_lanes, make_learner, make_runs
 
 pytestmark = pytest.mark.usefixtures("compiler")
 KINDS = [NativeLoop, InductorLoop]
@@ -306,31 +307,31 @@ def test_any_number_of_loops_are_made_in_one_process() -> None:
         assert (run(InductorLoop(lambda lanes: countdown, *args), *args, 5)["n"] == -5).all()
 
 
-# -- the learning program -------------------------------------------------------------------------
+# -- the learner -----------------------------------------------------------------------------------
 
 RUNS, STEPS = 40, 50
 LONGER = 300  # so that a difference in a last bit shows
-Compiled = tuple[TensorDict, Program, Loop]
+Compiled = tuple[TensorDict, Learner, Loop]
 
 
 def compile_learning(settings: Config, run: TensorDict, kind: MakeLoop = NativeLoop) -> Compiled:
-    program = make_program(settings, run)
+    learner = make_learner(settings, run)
     with torch.no_grad():
-        loop = kind(lambda lanes: make_program(settings, run[:lanes]).step, run, program.begin(run))
-    return run, program, loop
+        loop = kind(lambda lanes: make_learner(settings, run[:lanes]).step, run, learner.begin(run))
+    return run, learner, loop
 
 
 @torch.no_grad()
 def learn(compiled: Compiled, steps: int) -> TensorDictBase:
-    stays, program, loop = compiled
-    return run(loop, stays, program.begin(stays), steps)
+    stays, learner, loop = compiled
+    return run(loop, stays, learner.begin(stays), steps)
 
 
 @torch.no_grad()
 def learn_eagerly(compiled: Compiled, steps: int) -> TensorDictBase:
-    stays, program, _ = compiled
-    state = program.begin(stays)
-    return run(EagerLoop(lambda lanes: program.step, stays, state), stays, state, steps)
+    stays, learner, _ = compiled
+    state = learner.begin(stays)
+    return run(EagerLoop(lambda lanes: learner.step, stays, state), stays, state, steps)
 
 
 @pytest.fixture(scope="module")
@@ -363,7 +364,7 @@ def test_it_learns_what_the_eager_engine_learns(
 
 
 def test_it_learns_on_one_side_what_the_eager_engine_learns() -> None:
-    settings = config("env.start_side=left", "env.switch_side_after=2", "env.other_view_rad=0.2")
+    settings = config("env=follow_one_side", "env.switch_side_after=2", "env.other_view_rad=0.2")
     assert_learned_alike(compile_learning(settings, make_runs(settings, LANES)), 1e-4, 1e-5)
 
 
@@ -374,7 +375,7 @@ def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: s
     many = compile_learning(settings, in_lanes(stays))
     assert_learned_alike(many, 1e-10, 1e-12)
     alone = in_lanes(stays[13:14])
-    state = run(many[2], alone, make_program(settings, alone).begin(alone), STEPS)
+    state = run(many[2], alone, make_learner(settings, alone).begin(alone), STEPS)
     assert not different(state[:1], learn(many, STEPS)[13:14])
 
 
@@ -391,11 +392,11 @@ def test_inductor_learns_what_the_eager_engine_learns() -> None:
 def test_a_run_alone_is_the_run_in_any_batch(dtype: str) -> None:
     settings = config(f"machine.dtype={dtype}")
     stays = make_runs(settings, RUNS, lam=torch.linspace(0, 1, RUNS))
-    many, program, loop = compile_learning(settings, in_lanes(stays))
+    many, learner, loop = compile_learning(settings, in_lanes(stays))
     alone = in_lanes(stays[13:14])
     assert len(alone) < len(many)
-    state = run(loop, alone, make_program(settings, alone).begin(alone), LONGER)
-    assert not different(state[:1], learn((many, program, loop), LONGER)[13:14])
+    state = run(loop, alone, make_learner(settings, alone).begin(alone), LONGER)
+    assert not different(state[:1], learn((many, learner, loop), LONGER)[13:14])
 
 
 def test_a_program_of_another_world_is_another(batch: Compiled) -> None:
@@ -406,7 +407,7 @@ def test_a_program_of_another_world_is_another(batch: Compiled) -> None:
 
 
 def test_neither_lanes_nor_workers_matter_to_runs_that_take_turns(batch: Compiled) -> None:
-    _, program, loop = batch
+    _, learner, loop = batch
     runs, every, evaluations = 150, config().evaluation.every, 7
     last = every * (evaluations - 1)
     stays = make_runs(config(), runs, situations=last)
@@ -419,12 +420,14 @@ def test_neither_lanes_nor_workers_matter_to_runs_that_take_turns(batch: Compile
             return loop(stays, state)
 
     def learned(workers: int, order: Tensor) -> TensorDict:
-        start = dict(program.loss.value_network.named_parameters())
+        start = dict(learner.loss.value_network.named_parameters())
         blank = {name: weight[:1].expand(runs, *weight.shape[1:]) for name, weight in start.items()}
         with torch.no_grad():
-            columns = {key: stays[key][order].flatten().tolist() for key in PER_RUN}
-            ledger = Ledger(columns, blank, every, evaluations, tests=1)
-            task = Learning(program, Counting(), stays[order], ledger, done.append)
+            columns = {key: stays[key][order].flatten() for key in PER_RUN}
+            columns = {key: x if key == "seed" else x.double() for key, x in columns.items()}
+            its_runs = Runs({key: x.numpy() for key, x in columns.items()})
+            ledger = Ledger(its_runs, blank, every, evaluations, tests=1)
+            task = Learning(learner, Counting(), stays[order], ledger, done.append)
             work_through(task, task.jobs, len(batch[0]), workers)
         return ledger.book.pages[:, order.argsort()]
 

@@ -7,14 +7,20 @@ import torch
 from tensordict.nn import TensorDictModule
 from torch import Tensor
 
-from envs.robot.schemas import World
+from envs.robot.schemas import FollowBallConfig, FollowOneSideConfig
 from fnnq_torchrl.launch.composition import load_config
 
 
 @pytest.fixture(scope="session")
-def world() -> World:
+def world() -> FollowBallConfig:
     """The default world."""
     return load_config().env
+
+
+@pytest.fixture(scope="session")
+def one_side() -> FollowOneSideConfig:
+    """The world on one side, then on the other."""
+    return load_config("env=follow_one_side").env
 
 
 @pytest.fixture(scope="session")

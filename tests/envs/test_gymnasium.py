@@ -10,23 +10,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from envs.core.parameters import OutOfRange
-from envs.gymnasium import FollowBallGym
+from envs.gymnasium import GymWorld
 from envs.robot.follow import FollowBall
-from envs.robot.schemas import World
+from envs.robot.schemas import FollowBallConfig
 
 CANDIDATES = 21
 
 
 @pytest.fixture
-def env(world: World) -> FollowBallGym:
-    return FollowBallGym(world, CANDIDATES)
+def env(world: FollowBallConfig) -> GymWorld:
+    return GymWorld(world, CANDIDATES)
 
 
 def test_gymnasiums_checker_finds_nothing(world, monkeypatch):
     """Through `gymnasium.make`, since some of its checks need a spec."""
     monkeypatch.setattr(gymnasium.envs.registration, "registry", {})
-    gymnasium.register("FollowBall-v0", FollowBallGym)
-    made = gymnasium.make("FollowBall-v0", world=world, candidates=CANDIDATES)
+    gymnasium.register("FollowBall-v0", GymWorld)
+    made = gymnasium.make("FollowBall-v0", config=world, candidates=CANDIDATES)
     check_env(made.unwrapped)
 
 
@@ -34,7 +34,7 @@ def test_gymnasiums_checker_finds_nothing(world, monkeypatch):
 @given(seed=st.integers(0, 2**63 - 1), chooser=st.integers(0, 2**32 - 1))
 def test_it_is_the_same_world_bit_for_bit(seed, chooser, world):
     """As FollowBall's own, with the same actions, over the end of two situations."""
-    env = FollowBallGym(world, CANDIDATES)
+    env = GymWorld(world, CANDIDATES)
     twin = FollowBall(world, seed=torch.tensor(seed))
     choose = np.random.default_rng(chooser)
     candidates = torch.linspace(-1, 1, CANDIDATES)
@@ -83,7 +83,7 @@ def test_a_start_can_be_given(env, world):
 @pytest.mark.parametrize("caught", [True, False])
 def test_how_it_ends(caught, world):
     """Straight at a ball that rests ahead, or away from one."""
-    env = FollowBallGym(world, 3)
+    env = GymWorld(world, 3)
     env.reset(options={"start": (0.0 if caught else np.pi, 0.0)})
     for _ in range(world.time_limit_steps):
         _, reward, terminated, truncated, info = env.step(1)
@@ -135,4 +135,4 @@ def test_no_step_before_a_reset(env):
 
 def test_a_single_candidate_is_too_few(world):
     with pytest.raises(OutOfRange, match="candidates=1"):
-        FollowBallGym(world, 1)
+        GymWorld(world, 1)

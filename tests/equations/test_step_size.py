@@ -7,17 +7,17 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from fnnq_torchrl.engine.lanes import LANES
-from fnnq_torchrl.equations.step_size import StepSize, alpha_bound, decayed, obgd
-from tests.programs import advance, config, in_lanes, make_program, make_runs
+from fnnq_torchrl.equations.step_size import alpha_bound, decayed, make_step_size, obgd
+from tests.programs import advance, config, in_lanes, make_learner, make_runs
 
 
 def real(*values: float) -> Tensor:
     return torch.tensor(values, dtype=torch.float64)
 
 
-def test_it_decays_after_a_positive_reward_only() -> None:
-    alpha = decayed(real(0.4, 0.4, 0.4), real(0.99, 0.99, 0.5), real(-0.5, 0.0, 1.0))
-    assert torch.equal(alpha, real(0.4, 0.4, 0.2))
+def test_it_decays_after_a_success_only() -> None:
+    alpha = decayed(real(0.4, 0.4), real(0.99, 0.5), torch.tensor([False, True]))
+    assert torch.equal(alpha, real(0.4, 0.2))
 
 
 def test_obgd_by_hand() -> None:
@@ -38,7 +38,7 @@ def test_alpha_bound_by_hand() -> None:
 
 def test_another_step_size_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^step_size='obg': must be decay, .* or alpha_bound$"):
-        StepSize("obg")
+        make_step_size("obg")
 
 
 numbers = st.floats(-10, 10, allow_subnormal=False)
@@ -78,7 +78,7 @@ def test_a_run_alone_is_the_run_in_a_batch(step_size: str) -> None:
     runs = LANES + 8
     many = make_runs(settings, runs, kappa=torch.linspace(1.1, 4, runs))
     learned = [
-        advance(make_program(settings, run), run, 60)
+        advance(make_learner(settings, run), run, 60)
         for run in (in_lanes(many), in_lanes(many[9:10]))
     ]
     for key in ("alpha", ("weights", "weight"), ("trace", "weight")):
@@ -90,8 +90,8 @@ def test_kappa_is_obgds_and_every_runs_own() -> None:
     settings = config("step_size=obgd")
     base = make_runs(settings, 3)
     changed = make_runs(settings, 3, kappa=real(2, 4, 2))
-    program = make_program(settings, base)
-    before, after = (advance(program, run, 40) for run in (base, changed))
+    learner = make_learner(settings, base)
+    before, after = (advance(learner, run, 40) for run in (base, changed))
     differs = (before["weights", "weight"] != after["weights", "weight"]).flatten(1).any(1)
     assert differs.tolist() == [False, True, False]
     assert torch.equal(before["alpha"], base["alpha"])  # of each step anew, from the same α
@@ -101,10 +101,10 @@ def test_kappa_is_obgds_and_every_runs_own() -> None:
 def test_alpha_bound_never_grows_and_obgd_never_exceeds_its_alpha() -> None:
     settings = config("step_size=alpha_bound", "machine.dtype=float64", "lam=0.8")
     runs = make_runs(settings, 16)
-    program = make_program(settings, runs)
-    state, last = program.begin(runs), torch.full((16, 1), inf)
+    learner = make_learner(settings, runs)
+    state, last = learner.begin(runs), torch.full((16, 1), inf)
     for _ in range(60):
-        state = program.step(runs, state)
+        state = learner.step(runs, state)
         assert (state["alpha"] <= last).all()
         last = state["alpha"]
     assert (last < runs["alpha"]).all()

@@ -33,11 +33,11 @@ PAGES = {
     "extrapolation": extrapolation,
 }
 QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")
-HEADER = "seed,lam,situations,steps,catches\n"
+HEADER = "seed,lam,situations,steps,catches,diverged,return,length\n"
 DAMAGE = {
-    "torn": HEADER + "0,0.2,0,0,1\n0,0.2,5,310",
-    "nan": HEADER + "0,0.2,0,0,nan\n0,0.2,5,310,1\n",
-    "huge": HEADER + f"0,0.2,0,0,1\n0,0.2,5,{10**30},1\n",
+    "torn": HEADER + "0,0.2,0,0,1,0,0,9\n0,0.2,5,310",
+    "nan": HEADER + "0,0.2,0,0,nan,0,0,9\n0,0.2,5,310,1,0,0,9\n",
+    "huge": HEADER + f"0,0.2,0,0,1,0,0,9\n0,0.2,5,{10**30},1,0,0,9\n",
 }
 """What stands in evaluations.csv below each of these directories."""
 
@@ -116,7 +116,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         ),
         "train lam=abc": (2, "lam=abc: must be a number in [0, 1]"),
         "train num_seeds=1.5": (2, "num_seeds=1.5: must be a whole number >= 1"),
-        "train env=null": (2, "env=null: must be follow_ball"),
+        "train env=null": (2, "env=null: must be follow_ball or follow_one_side"),
         "train checkpoint=5": (2, "checkpoint=5: must be a mapping of every_s, snapshots"),
         "train -m lam=0.1,abc": (2, "job 1 (lam=abc): lam=abc: must be a number in [0, 1]"),
         "train -m hydra.sweeper.cases=5": (
@@ -157,6 +157,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         ),
     },
     "missing directory": {
+        "train from=nowhere": (2, "from=nowhere: there is no such directory"),
         "train --config-dir nowhere": (2, "Additional config directory '…/nowhere' not found"),
         "train hydra.run.dir=file/job": (1, "file/job: Not a directory"),
         "train -m hydra.sweep.dir=file/sweep": (1, "file/sweep: Not a directory"),
@@ -183,26 +184,20 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
             1,
             f"another/value_functions {NO_RESULTS}value_functions",
         ),
-        "train --config-path another/.hydra": (
+        "train from=finished": (
             2,
-            "--config-path another/.hydra: what a job has left is not to be trusted …",
+            "from=finished: has no .hydra/config.yaml; name the directory of one job",
         ),
-        "train --config-dir finished/0/.hydra": (
+        "train -m from=torn lam=0,1": (
             2,
-            "--config-dir finished/0/.hydra: what a job has left is not to be trusted …",
+            "from=torn: has no .hydra/config.yaml; name the directory of one job",
         ),
-        "train hydra.searchpath=[file://finished/0/.hydra]": (
+        "train from=file": (2, "from=file: there is no such directory"),
+        "train from=finished/0 --config-name other": (
             2,
-            "hydra.searchpath=[file://finished/0/.hydra]: what a job has left is not to be …",
+            "--config-name and from= exclude each other",
         ),
-        "train --config-dir finished/0 --config-name .hydra/config": (
-            2,
-            "--config-name .hydra/config: what a job has left is not to be trusted as …",
-        ),
-        "train env=../../finished/0/.hydra/config": (
-            2,
-            "env=../../finished/0/.hydra/config: what a job has left is not to be trusted as …",
-        ),
+        "train from=finished/0 from=another": (2, "from=finished/0 from=another: must be one job"),
         "train --experimental-rerun job.pickle": (
             2,
             "--experimental-rerun: reads a pickle, which can run any code; …",
@@ -265,7 +260,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
             f"seed={2**63 - 1}: must be at most {2**63 - 2}, for the last seed to fit 63 bits",
         ),
         "train -m seed=0,1 hydra.sweep.subdir=same": (2, "job 1 (seed=1): …"),
-        "train --resolve": (2, "--resolve: goes with --cfg job, --cfg hydra or --cfg all"),
+        "train --resolve": (2, "The --resolve flag can only be used in conjunction with --cfg …"),
     },
 }
 
@@ -343,7 +338,9 @@ def test_no_overrides_at_all_bring_a_traceback(
     monkeypatch.chdir(tmp_path_factory.mktemp("fuzz"))
     monkeypatch.setattr(job_module, "run_job", lambda config, directory: 1.0)
     monkeypatch.setattr(
-        job_module, "run_batches", lambda batches, pictures: ([1.0] * len(b) for b in batches)
+        job_module,
+        "run_batches",
+        lambda batches, **others: ([1.0] * len(b) for b in batches),
     )
     monkeypatch.setattr(Multirun, "_write_whole", lambda self: None)
     status = fnnq_train(*QUIET, *arguments, *["-m"] * sweep)

@@ -5,9 +5,8 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fnnq_torchrl.config.schema import PER_RUN, run_columns
 from fnnq_torchrl.launch.batches import in_batches
-from fnnq_torchrl.training.jobs import BATCHABLE, Job, as_one
+from fnnq_torchrl.training.jobs import BATCHABLE, Job
 from tests.programs import config
 
 CONFIG = config()
@@ -59,19 +58,3 @@ def test_what_isnt_per_run_sets_jobs_apart() -> None:
     configs = [CONFIG, replace(CONFIG, env=world), replace(CONFIG, seed=3), replace(CONFIG)]
     batches = in_batches([Job(c, Path(str(i))) for i, c in enumerate(configs)], 100)
     assert [[job.directory.name for job in batch] for batch in batches] == [["0", "2", "3"], ["1"]]
-
-
-@given(configs=st.lists(CONFIGS, min_size=1, max_size=5))
-def test_as_one_job_they_have_all_their_runs(configs) -> None:
-    configs = [replace(each, trace="output") for each in configs]
-    config, columns = as_one(configs)
-    assert set(columns) == set(PER_RUN)
-    for key, values in columns.items():
-        assert values == [value for each in configs for value in run_columns(each)[key]]
-        assert len(values) == config.num_seeds
-    assert config.trace == "output"
-
-
-def test_the_last_seeds_can_be_in_a_batch_too() -> None:
-    configs = [replace(CONFIG, seed=2**63 - 1), replace(CONFIG, seed=0)]
-    assert as_one(configs)[1]["seed"] == [2**63 - 1, 0]

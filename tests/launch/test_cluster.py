@@ -10,6 +10,7 @@ import pytest
 
 from fnnq_torchrl.launch.cluster import BatchTask
 from fnnq_torchrl.training.jobs import Job, JobFailed
+from fnnq_torchrl.training.resume.interruptions import Interruptions
 from tests.commands import fnnq_train
 from tests.programs import config
 
@@ -39,7 +40,7 @@ class Trainer:
         self.batches: list[list[str]] = []
 
     def __call__(
-        self, batches: Sequence[Sequence[Job]], *, pictures: bool
+        self, batches: Sequence[Sequence[Job]], *, pictures: bool, interruptions: Interruptions
     ) -> Iterator[list[float | Exception]]:
         for batch in batches:
             self.batches.append([job.directory.name for job in batch])
@@ -75,7 +76,7 @@ def test_a_task_that_timed_out_too_often_ends_badly(tmp_path: Path) -> None:
     gave_up = pytest.importorskip("submitit").core.utils.UncompletedJobError("timed out too often")
 
     def run_batches(
-        batches: Sequence[Sequence[Job]], *, pictures: bool
+        batches: Sequence[Sequence[Job]], *, pictures: bool, interruptions: Interruptions
     ) -> Iterator[list[float | Exception]]:
         yield from ([gave_up] * len(batch) for batch in batches)
 
@@ -87,5 +88,5 @@ def test_a_task_that_timed_out_too_often_ends_badly(tmp_path: Path) -> None:
 def summary() -> dict[str, object]:
     from fnnq_torchrl.training.results import Summary
 
-    numbers = {int: 1, list[float]: [1.0], list[float] | None: None}
+    numbers = {int: 1, list[float]: [1.0], list[float] | None: None, str: "successes"}
     return {key: numbers.get(of, 1.0) for key, of in get_type_hints(Summary).items()}

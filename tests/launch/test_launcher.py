@@ -114,9 +114,9 @@ def batches(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     seen: list[list[str]] = []
     run = job_module.run_batches
 
-    def noted(batches, *, pictures):
+    def noted(batches, **others):
         seen.extend([each.directory.name for each in batch] for batch in batches)
-        return run(batches, pictures=pictures)
+        return run(batches, **others)
 
     monkeypatch.setattr(job_module, "run_batches", noted)
     return seen
@@ -207,7 +207,7 @@ def test_a_batch_that_breaks_leaves_the_others(
     run = job_module._run_batch
 
     def breaks(batch, *others):
-        if batch[0].config.trace == "output":
+        if batch.config.trace == "output":
             raise ZeroDivisionError("a bug")
         return run(batch, *others)
 
@@ -225,7 +225,7 @@ def untrained(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[list[str]], bo
     """What would be trained: the names of the jobs of each batch, and whether with pictures."""
     calls: list[tuple[list[list[str]], bool]] = []
 
-    def run_batches(batches, *, pictures):
+    def run_batches(batches, *, pictures, **others):
         calls.append(([[each.directory.name for each in batch] for batch in batches], pictures))
         return ([float(each.config.seed) for each in batch] for batch in batches)
 

@@ -42,11 +42,12 @@ def make(tmp_path: Path) -> Make:
                 train_seconds=3.0,
                 compile_seconds=2.0,
                 evaluate_seconds=1.0,
-                denormal=np.zeros(scores.shape, dtype=bool),
+                returns=np.zeros(scores.shape),
+                lengths=np.zeros(scores.shape),
             )
             write_evaluations(directory / "evaluations.csv", outcome)
             write_summary(directory / "summary.json", summarise(outcome))
-        return SweptResult(number, overrides, directory, best=5)
+        return SweptResult(number, overrides, directory, best=5, measure="successes")
 
     return make
 
@@ -55,8 +56,8 @@ def make(tmp_path: Path) -> Make:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, list[Curve], int]]:
     pictures: list[tuple[str, list[Curve], int]] = []
 
-    def sweep_curves(curves: list[Curve], of: str, picture: Path, best: int) -> None:
-        pictures.append((of, curves, best))
+    def sweep_curves(curves: list[Curve], of: str, picture: Path, *best: object) -> None:
+        pictures.append((of, curves, best[0]))
 
     monkeypatch.setattr(module, "sweep_curves", sweep_curves)
     return pictures
@@ -87,7 +88,7 @@ def test_every_swept_key_is_a_column(
     evaluations = rows(tmp_path / "evaluations.csv")
     assert list(evaluations[0]) == [
         *("seed", "lam", "situations", "steps", "catches"),
-        *("diverged", "denormal", "job", "value.action"),
+        *("diverged", "return", "length", "job", "value.action"),
     ]
     assert [row["catches"] for row in evaluations] == list("024135234")
     assert [row["value.action"] for row in evaluations] == [labels] * 3 + ["[[0,1]]"] * 6
@@ -137,7 +138,7 @@ def test_a_curve_for_each_configuration_over_its_seeds(
     [(of, curves, best)] = drawn
     assert (of, best) == ("values of λ", 5)
     assert [curve.label for curve in curves] == ["λ = 0.4", "λ = 0"]
-    assert [curve.catches.tolist() for curve in curves] == [[[0, 1], [0, 2]], [[0, 3], [0, 4]]]
+    assert [curve.scores.tolist() for curve in curves] == [[[0, 1], [0, 2]], [[0, 3], [0, 4]]]
 
 
 def test_a_configuration_has_all_its_swept_values_in_its_label(
@@ -161,7 +162,7 @@ def test_seeds_alone_are_one_configuration(
 ) -> None:
     write_sweep(tmp_path, [make(0, [[0, 1]], seed="0"), make(1, [[0, 2]], seed="1")])
     [(_, [curve], _)] = drawn
-    assert (curve.label, curve.catches.tolist()) == ("λ = 0.2", [[0, 1], [0, 2]])
+    assert (curve.label, curve.scores.tolist()) == ("λ = 0.2", [[0, 1], [0, 2]])
 
 
 def test_unfinished_jobs_are_told_and_not_counted(

@@ -12,8 +12,9 @@ from hydra.core.utils import setup_globals
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
+from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.config.choices import config_directory
-from fnnq_torchrl.config.schema import PER_RUN, ConfigError, to_config
+from fnnq_torchrl.config.schema import PER_RUN, ConfigError
 from fnnq_torchrl.launch import command as cli  # noqa: F401  # registers what conf/config.yaml refers to
 from fnnq_torchrl.launch.composition import VERSION_BASE
 from fnnq_torchrl.launch.swept_jobs import SweptJob, compose_jobs
@@ -77,7 +78,10 @@ def test_they_are_what_hydra_composes(hydra: Hydra) -> None:
         task = OmegaConf.masked_copy(theirs, [key for key in theirs if key != "hydra"])
         hydra_node = OmegaConf.masked_copy(theirs, "hydra")
         assert job.config == to_config(task)
-        assert OmegaConf.to_yaml(job.node()) == OmegaConf.to_yaml(theirs)
+        node = job.node()
+        with read_write(node.hydra):  # as `run_job` does
+            node.hydra.runtime.output_dir = str(job.directory)
+        assert OmegaConf.to_yaml(node) == OmegaConf.to_yaml(theirs)
         assert job.directory == hydra.directory / str(job.number)
 
         job.write_configuration()

@@ -2,7 +2,7 @@
 
 import math
 
-from envs.robot.schemas import World
+from envs.robot.schemas import FollowBallConfig, FollowOneSideConfig
 
 from .pcg import draw
 
@@ -21,7 +21,7 @@ class FollowBallTwin:
 
     def __init__(
         self,
-        world: World,
+        world: FollowBallConfig,
         seed: int,
         episode: int,
         situation: tuple[float, float] | None = None,
@@ -39,7 +39,7 @@ class FollowBallTwin:
             self.ball_speed_radps = low + (high - low) * uniform(words[1])
             if not anticlockwise:
                 self.ball_speed_radps = -self.ball_speed_radps
-            if world.start_side != "both" and (self.ball_angle_rad > 0) != self._on_left():
+            if self._one_sided and (self.ball_angle_rad > 0) != self._on_left():
                 self.ball_angle_rad = -self.ball_angle_rad
         else:
             self.ball_angle_rad, self.ball_speed_radps = situation
@@ -92,12 +92,16 @@ class FollowBallTwin:
         true_rad = math.remainder(math.atan2(north_m, east_m) - self.heading_rad, math.tau)
         seen_rad = true_rad + self.world.bearing_noise_rad * normal(word, other)
         left_rad = right_rad = self.world.field_of_view_rad
-        other_rad = min(left_rad, self.world.other_view_rad)
-        if self.world.start_side != "both":
+        if self._one_sided:
+            other_rad = min(left_rad, self.world.other_view_rad)
             left_rad, right_rad = (
                 (left_rad, other_rad) if self._on_left() else (other_rad, left_rad)
             )
         return max(-right_rad, min(left_rad, seen_rad))
+
+    @property
+    def _one_sided(self) -> bool:
+        return isinstance(self.world, FollowOneSideConfig)
 
     def _on_left(self) -> bool:
         """Whether the situation is one for the left side, where it is one for one side."""

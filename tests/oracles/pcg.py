@@ -2,7 +2,7 @@
 
 Words = tuple[int, int, int, int]
 
-STREAMS = 2
+CHANCE = 2
 
 
 def couple(x: int, y: int, z: int, w: int) -> Words:
@@ -22,4 +22,5 @@ def pcg4d(words: Words) -> Words:
 def draw(seed: int, episode: int, step: int, stream: int) -> Words:
     """The block of a run at a step of an episode, for one purpose."""
     upper = seed // 2**32 + 2**31 * (episode // 2**32)
-    return pcg4d((seed % 2**32, upper, episode % 2**32, STREAMS * step + stream))
+    counter = 2**31 + step if stream == CHANCE else 2 * step + stream
+    return pcg4d((seed % 2**32, upper, episode % 2**32, counter))

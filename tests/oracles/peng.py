@@ -18,6 +18,7 @@ class Arrival(NamedTuple):
     state: int
     terminated: bool
     done: bool
+    success: bool
     chance: float
 
 
@@ -60,7 +61,9 @@ def peng_q_lambda(
         while not done:
             action = epsilon_greedy(q[state], epsilon, chance)  # b
             step += 1
-            reward, after, terminated, done, chance = world.move(state, action, episode, step)  # c
+            reward, after, terminated, done, success, chance = world.move(
+                state, action, episode, step
+            )  # c
             ahead = 0.0 if terminated else max(q[after])
             error = reward + gamma * ahead - max(q[state])  # d
             chosen_error = reward + gamma * ahead - q[state][action]  # e
@@ -75,7 +78,7 @@ def peng_q_lambda(
             trace[state][action] += 1  # h
             if done:
                 trace = [[0.0] * actions for _ in range(states)]
-            if reward > 0:
+            if success:
                 alpha = alpha_decay * alpha
             yield Learned([*map(list.copy, q)], [*map(list.copy, trace)], alpha)
             state = after

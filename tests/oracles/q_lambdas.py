@@ -42,7 +42,9 @@ def q_lambda(
             if variant == "watkins" and q[state][action] < max(q[state]):
                 visits = []
             step += 1
-            reward, after, terminated, done, chance = world.move(state, action, episode, step)
+            reward, after, terminated, done, success, chance = world.move(
+                state, action, episode, step
+            )
             target = reward + (0.0 if terminated else gamma * max(q[after]))
             error, chosen_error = target - max(q[state]), target - q[state][action]
             if variant == "peng":
@@ -74,7 +76,7 @@ def q_lambda(
                 for rows in zip(q, direction, strict=True)
             ]
             visits = [] if done else [(state, action), *visits]
-            if reward > 0:
+            if success:
                 alpha = alpha_decay * alpha
             yield Learned([*map(list.copy, q)], [], alpha)
             state = after

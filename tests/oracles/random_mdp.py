@@ -4,15 +4,15 @@ Both draw the same random words, so their histories are equal.
 """
 
 import random
+from dataclasses import dataclass
 
 import torch
-from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
-from torchrl.data import Binary, Bounded, Composite, Unbounded
 
 from envs.core import streams
 from envs.core.pure import WHEN, PureEnv
 from envs.core.streams import Stream
+from envs.core.world import WorldConfig
 
 from .pcg import draw
 from .peng import Arrival
@@ -31,51 +31,51 @@ REWARDS = [[_random.choice([-0.7, 0.0, 0.3]) for _ in range(ACTIONS)] for _ in r
 END_REWARD = 1.1
 
 
+@dataclass
+class RandomMDPConfig(WorldConfig):
+    """Nothing to choose but the time limit."""
+
+    @property
+    def observations(self):
+        return {"place": (0.0, STATES - 1.0)}
+
+    @property
+    def actions(self):
+        return (-1.0, 1.0)
+
+
 class RandomMDP(PureEnv):
     """States are the places 0, 1, … on a line, actions are evenly spaced in [−1, 1].
 
     An episode terminates by chance, wherever that leads to, and is truncated after some steps.
     """
 
+    schema = RandomMDPConfig
+
     def __init__(self, runs: int) -> None:
-        super().__init__([runs], seed=0, dtype=torch.float64, device=None)
-        shape = (runs, 1)
-        real = {"shape": shape, "dtype": self.dtype}
-        state = {key: Unbounded(shape, dtype=torch.int64) for key in WHEN}
-        seen = {"place": Unbounded(**real), "chance": Bounded(0, 1, **real)}
-        flags = {key: Binary(1, shape, dtype=torch.bool) for key in ("done", "terminated")}
-        self.state_spec = Composite(state, shape=[runs])
-        self.observation_spec = Composite(seen | state, shape=[runs]).clone()
-        self.action_spec = Bounded(-1, 1, **real)
-        self.reward_spec = Unbounded(**real)
-        self.done_spec = Composite(flags, shape=[runs])
+        world = RandomMDPConfig("random_mdp", TRUNCATED_AFTER_STEPS)
+        super().__init__(world, [runs], dtype=torch.float64)
 
-    def start(self, seed: Tensor, episode: Tensor) -> TensorDict:
-        step = torch.zeros_like(episode)
-        words = _unsigned(streams.draw(seed, episode, step, Stream.START))
-        place = words[0] % STATES
-        return self._pack(place, words, {"seed": seed, "episode": episode, "step": step})
+    def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None):
+        words = _unsigned(streams.draw(seed, episode, torch.zeros_like(episode), Stream.START))
+        return self._entries(words[0] % STATES, words)
 
-    def _step(self, tensordict: TensorDictBase) -> TensorDict:
-        when = {key: tensordict[key] for key in WHEN} | {"step": tensordict["step"] + 1}
-        words = _unsigned(streams.draw(*when.values(), Stream.STEP))
-        place = tensordict["place"].long()
-        action = ((tensordict["action"] + 1) / 2 * (ACTIONS - 1)).round().long()
+    def transition(self, state, action: Tensor):
+        words = _unsigned(streams.draw(*(state[key] for key in WHEN), Stream.STEP))
+        place = state["place"].long()
+        action = ((action + 1) / 2 * (ACTIONS - 1)).round().long()
         after = torch.tensor(SUCCESSORS)[place, action, words[0] % BRANCHES]
         terminated = words[1] % ONE_IN_SO_MANY_STEPS_TERMINATES == 0
         reward = torch.tensor(REWARDS, dtype=self.dtype)[place, action]
-        outcome = {
+        return self._entries(after, words) | {
             "reward": reward.masked_fill(terminated, END_REWARD),
             "terminated": terminated,
-            "done": terminated | (when["step"] >= TRUNCATED_AFTER_STEPS),
+            "success": terminated & (after % 2 == 0),
         }
-        return self._pack(after, words, when | outcome)
 
-    def _pack(
-        self, place: Tensor, words: tuple[Tensor, ...], others: dict[str, Tensor]
-    ) -> TensorDict:
+    def _entries(self, place: Tensor, words: tuple[Tensor, ...]) -> dict[str, Tensor]:
         chance = streams.uniform(words[2], self.dtype)
-        return self.pack({"place": place.to(self.dtype), "chance": chance} | others)
+        return {"place": place.to(self.dtype), "chance": chance}
 
 
 class Walk:
@@ -97,6 +97,7 @@ class Walk:
             state=after,
             terminated=terminated,
             done=terminated or step >= TRUNCATED_AFTER_STEPS,
+            success=terminated and after % 2 == 0,
             chance=_uniform(words[2]),
         )
 

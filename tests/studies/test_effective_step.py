@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fnnq_torchrl.agent.values import FNNQValue
-from fnnq_torchrl.equations.q_lambda import Rule, credit_all
+from fnnq_torchrl.equations.q_lambda import Rule
 from fnnq_torchrl.studies.effective_step import effective_step, squared_gradient
 from tests.programs import config
 
@@ -33,7 +33,7 @@ def test_a_step_after_long_at_one_pair_is_as_large_as_derived(trace: str, decay:
     e = torch.zeros_like(gradient)
     for _ in range(300):
         rule = Rule(trace=trace)
-        [(direction, e)] = credit_all(rule, [e], [gradient], one, one, decays, None, one)
+        [(direction, e)] = rule.update([e], [gradient], one, one, decays, None, one)
     alpha = 0.4
     moved = alpha * (direction * gradient).sum(0)  # of Q(s, a), by an error of 1
     expected = effective_step(gradient.square().sum(0), alpha, decays, trace)

@@ -95,7 +95,8 @@ def test_the_measures_by_hand() -> None:
         steps=catches,
         catches=catches,
         diverged=np.zeros(catches.shape, dtype=bool),
-        denormal=np.zeros(catches.shape, dtype=bool),
+        returns=np.zeros(catches.shape),
+        lengths=np.zeros(catches.shape),
     )
     found = {name: measure.of(evaluations)[0] for name, measure in MEASURES.items()}
     assert found == {

@@ -31,7 +31,8 @@ def evaluations(lams: list[float], runs: int, count: int = 41, best: int = 5) ->
         steps=np.full(shape, 7),
         catches=np.random.default_rng(0).integers(0, best + 1, size=shape),
         diverged=np.zeros(shape, dtype=bool),
-        denormal=np.zeros(shape, dtype=bool),
+        returns=np.zeros(shape),
+        lengths=np.zeros(shape),
     )
 
 
@@ -135,7 +136,8 @@ def test_unequal_numbers_of_runs_are_told() -> None:
         data.steps[1:],
         data.catches[1:],
         data.diverged[1:],
-        data.denormal[1:],
+        data.returns[1:],
+        data.lengths[1:],
     )
     shown = [text.get_text() for text in texts(learning_curve_figure(rest))]
     assert "Learning curves for 2 values of λ, 2 to 3 runs each" in shown
@@ -215,7 +217,7 @@ def test_of_more_curves_than_can_be_told_apart_the_best_are_labelled() -> None:
     assert sorted(c.get_segments()[0][-1, 1] for c in grey) == [0, 1, 2, 3, 4]
     shown = [text.get_text() for text in texts(figure)]
     assert "Learning curves for 25 configurations, 2 runs each" in shown
-    assert any(text.endswith("grey: the other 5, which scored less") for text in shown)
+    assert any(text.endswith("grey: the other 5, which scored worse") for text in shown)
 
 
 def test_curves_may_end_at_different_situations() -> None:

@@ -21,7 +21,7 @@ def deterministic() -> Iterator[None]:
 @pytest.mark.parametrize("engine", ["eager", "compiled"])
 def test_twice_the_same(engine: str, dtype: str, compiler: None) -> None:
     keys = (f"engine={engine}", f"machine.dtype={dtype}", "situations=5", "num_seeds=2")
-    first, second = (Trainer(config(*keys)) for _ in range(2))
+    first, second = (Trainer.of(config(*keys)) for _ in range(2))
     for trainer in (first, second):
         trainer.learn()
     assert first.weights["weight"].dtype == getattr(torch, dtype)

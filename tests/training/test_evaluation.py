@@ -10,7 +10,7 @@ from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.engine.choice import make_engine
 from fnnq_torchrl.engine.scheduler import work_through
 from fnnq_torchrl.launch.composition import load_config
-from fnnq_torchrl.training.evaluation import FIRST_EPISODE, Playing
+from fnnq_torchrl.training.evaluation import FIRST_EPISODE, GreedyTest, Playing, no_results
 from tests.oracles import peng
 from tests.oracles.follow_ball import FollowBallTwin
 from tests.oracles.fuzzy import action_value
@@ -34,22 +34,20 @@ def play(
     evaluations, runs = weights.shape[:2]
     situations = torch.tensor(settings.evaluation.situations, dtype=torch.float64)
     seeds = torch.arange(first_seed, first_seed + runs)
-    catches = torch.zeros(evaluations, runs, dtype=torch.int64)
+    network = network or make_value_network(settings.value, CANDIDATES, runs=1)
+    results = no_results(evaluations, runs, len(situations), torch.float64)
     with torch.no_grad():
         playing = Playing(
-            network or make_value_network(settings.value, CANDIDATES, runs=1),
-            settings.env,
-            situations,
-            seeds.unsqueeze(-1),
-            TensorDict({"weight": weights}, [evaluations, runs]),
-            torch.zeros(evaluations, runs, len(situations), dtype=torch.bool),
-            catches,
-            make_engine("eager", torch.device("cpu")),
-            lanes,
-            on_progress,
+            GreedyTest(settings.env, network, situations),
+            seed=seeds.unsqueeze(-1),
+            weights=TensorDict({"weight": weights}, [evaluations, runs]),
+            results=results,
+            engine=make_engine("eager", torch.device("cpu")),
+            lanes=lanes,
+            on_progress=on_progress,
         )
     work_through(playing, playing.jobs, lanes, workers=1)
-    return catches
+    return results["success"].sum(-1)
 
 
 def test_evaluations_draw_where_learning_never_comes() -> None:

@@ -1,6 +1,5 @@
 """A disk that is full, and one that is read-only: real ones, where the tests may mount any."""
 
-import os
 import resource
 import shutil
 import subprocess
@@ -12,10 +11,9 @@ import pytest
 
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.job import run_job
-from fnnq_torchrl.training.resume.saved import SavedTraining
 from fnnq_torchrl.training.trainer import Trainer
 from tests.commands import fnnq_train
-from tests.job_files import write_job
+from tests.programs import saved_training
 
 TINY = ("situations=5", "env.time_limit_steps=4", "engine=eager", "checkpoint.every_s=1e-9")
 
@@ -30,8 +28,8 @@ def disk(tmp_path: Path) -> Iterator[Path]:
         pytest.skip("needs the right to mount")
     try:
         config = load_config(*TINY)
-        trainer = Trainer(config)
-        SavedTraining(place, config, trainer.engine.name).save(trainer.ledger, [])
+        trainer = Trainer.of(config)
+        saved_training(place, config).save(trainer.ledger, [])
         yield place
     finally:
         subprocess.run(["umount", str(place)], check=True)
@@ -72,8 +70,8 @@ def test_the_last_good_checkpoint_stays(
 def test_a_file_that_grows_too_large_leaves_the_last_good_checkpoint(tmp_path: Path) -> None:
     """A limit that any user may set stands in for a full disk, where none can be mounted."""
     config = load_config(*TINY)
-    trainer = Trainer(config)
-    SavedTraining(tmp_path, config, trainer.engine.name).save(trainer.ledger, [])
+    trainer = Trainer.of(config)
+    saved_training(tmp_path, config).save(trainer.ledger, [])
     before = (tmp_path / "training.pt").read_bytes()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) // 2, hard))
@@ -83,30 +81,6 @@ def test_a_file_that_grows_too_large_leaves_the_last_good_checkpoint(tmp_path: P
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"training.pt": before}
-
-
-def test_wandbs_files_that_are_cut_short_are_told_of_at_the_end(disk: Path, tmp_path: Path) -> None:
-    """Wandb's own process writes them, and says nothing of a disk that is full."""
-    write_job(tmp_path / "job", "num_seeds=22")
-    script = f"""
-from pathlib import Path
-from fnnq_torchrl.training.jobs import Job
-from fnnq_torchrl.launch.composition import load_config
-from fnnq_torchrl.training.loggers import Loggers
-config = load_config("num_seeds=22", "situations=40", "logger=wandb", "logger.wandb.per=run")
-job = Job(config, Path({str(disk / "job")!r}))
-Loggers.of(config.logger).log_jobs([job])
-"""
-    # Enough for all that this process writes, and not for what wandb's does.
-    subprocess.run(["mount", "-o", "remount,size=160k", str(disk)], check=True)
-    shutil.copytree(tmp_path / "job", disk / "job")
-    environment = os.environ | {"WANDB_MODE": "offline", "TMPDIR": str(tmp_path)}
-    ended = subprocess.run(
-        [sys.executable, "-c", script], env=environment, capture_output=True, text=True
-    )
-    [line] = ended.stderr.splitlines()
-    assert line.startswith("wandb has failed at its end: ")
-    assert "of its 22 files are cut short, as " in line
 
 
 @pytest.mark.parametrize("sweep", [False, True])

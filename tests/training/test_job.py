@@ -4,12 +4,12 @@ import errno
 import json
 import os
 import signal
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 import torch
 
-from envs.robot.schemas import World
+from envs.robot.schemas import FollowOneSideConfig
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import (
     ActionConfig,
@@ -20,19 +20,19 @@ from fnnq_torchrl.config.schema import (
 )
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
 from fnnq_torchrl.config.values import LabelsConfig
-from fnnq_torchrl.engine.choice import choose
-from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.engine.choice import choose_engine
 from fnnq_torchrl.training import job as job_module
-from fnnq_torchrl.training.checkpoint import load_checkpoint
+from fnnq_torchrl.training.batch import Batch
 from fnnq_torchrl.training.job import run_batches, run_job
-from fnnq_torchrl.training.jobs import ASIDE, Job, as_one
+from fnnq_torchrl.training.jobs import ASIDE, Job
 from fnnq_torchrl.training.results import read_evaluations
 from fnnq_torchrl.training.resume.interruptions import Interrupted, Lost
 from fnnq_torchrl.training.resume.saved import SavedTraining
-from fnnq_torchrl.training.snapshot_file import load_snapshots
 from fnnq_torchrl.training.trainer import Trainer
+from fnnq_torchrl.training.weights import load_checkpoint, load_snapshots
+from tests.programs import config as load_config  # of situations that are soon over
 
-SCHEMAS = (Config, World, LabelsConfig, ActionConfig, EvaluationConfig, MachineConfig)
+SCHEMAS = (Config, FollowOneSideConfig, LabelsConfig, ActionConfig, EvaluationConfig, MachineConfig)
 
 
 def test_a_job_leaves_its_files_and_says_where(tmp_path, capsys):
@@ -89,13 +89,17 @@ def test_a_missing_device_is_told(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def names_of(schema):
+    return {field.name for field in fields(schema)}
+
+
 def record_keys_read(schemas, monkeypatch):
     """The keys that are read from now on, as pairs of schema and name."""
     read = set()
     for schema in schemas:
 
         def recording(self, name, schema=schema):
-            if name in schema.__dataclass_fields__:
+            if name in names_of(schema):
                 read.add((schema, name))
             return object.__getattribute__(self, name)
 
@@ -108,27 +112,28 @@ def test_every_key_of_a_value_function_is_read(monkeypatch, kind):
     config, schema = load_config(f"value={kind}").value, VALUES[kind]
     read = record_keys_read([schema], monkeypatch)
     make_value_network(config, torch.linspace(-1, 1, 3), runs=1)
-    assert read == {(schema, name) for name in schema.__dataclass_fields__}
+    assert read == {(schema, name) for name in names_of(schema)}
 
 
 def test_every_key_is_read_by_something(monkeypatch):
-    config = load_config("situations=5", "env.start_side=left")
+    config = load_config("situations=5", "env=follow_one_side")
     read = record_keys_read(SCHEMAS, monkeypatch)
-    trainer = Trainer(config)
+    trainer = Trainer.of(config)
     trainer.learn()
     trainer.evaluate()
 
     read |= {(Config, key) for key in ASIDE}  # by the job: see below, and by the loggers
-    assert read == {(schema, name) for schema in SCHEMAS for name in schema.__dataclass_fields__}
+    assert read == {(schema, name) for schema in SCHEMAS for name in names_of(schema)}
 
 
 def save_half_done(config, directory, jobs=()):
     """The training as it is when it has only begun; of all the jobs, where there are some."""
-    trainer = Trainer(*as_one([job.config for job in jobs])) if jobs else Trainer(config)
-    best = trainer.ledger.played.shape[-1]
-    trainer.ledger.catches.fill_(best)  # without having learned: who goes on is known by that
-    trainer.ledger.played.fill_(True)
-    SavedTraining(directory, config, trainer.engine.name).save(trainer.ledger, [])
+    batch = Batch([*jobs] or [Job(config, directory)])
+    trainer = Trainer(batch.config, batch.runs, batch.engine)
+    # Without having learned: who goes on is known by that.
+    trainer.ledger.results["success"].fill_(True)
+    trainer.ledger.results["played"].fill_(True)
+    SavedTraining(batch).save(trainer.ledger, [])
 
 
 def test_a_job_goes_on_unless_it_is_to_begin_anew(tmp_path, capsys):
@@ -163,15 +168,15 @@ def test_a_job_is_saved_at_intervals(tmp_path, monkeypatch, every_s, saves):
 def test_the_engine_doesnt_depend_on_the_batch_that_a_job_is_in(situations):
     """Engines agree to rounding only, and a job is to be the same alone and among many."""
     config = load_config(f"situations={situations}")
-    alone, _ = choose(config)
-    among_many, _ = choose(replace(config, num_seeds=100_000))
+    alone = choose_engine(config, 1).name
+    among_many = choose_engine(config, 100_000).name
     assert alone == among_many
 
 
 def test_a_signal_ends_all_batches(tmp_path, monkeypatch):
     begun = []
 
-    def interrupted(batch, pictures, interruptions):
+    def interrupted(batch, saved, pictures, interruptions):
         begun.append(batch)
         raise Interrupted(15)
 
@@ -182,6 +187,7 @@ def test_a_signal_ends_all_batches(tmp_path, monkeypatch):
     assert len(begun) == 1
 
 
+@pytest.mark.usefixtures("usual_signals")
 def test_a_signal_while_files_are_written_ends_what_comes_after(tmp_path, monkeypatch):
     """They are written in one piece, and the next batch doesn't begin."""
     write = job_module._write
@@ -203,6 +209,7 @@ def test_a_signal_while_files_are_written_ends_what_comes_after(tmp_path, monkey
     assert not (jobs[1].directory / "summary.json").exists()
 
 
+@pytest.mark.usefixtures("usual_signals")
 def test_a_job_whose_files_are_being_written_ends_as_any_other(tmp_path, monkeypatch):
     write = job_module.write_summary
 
@@ -242,6 +249,7 @@ def test_a_full_disk_leaves_the_training_to_go_on_from(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("ordered", [False, True], ids=["", "SIGTERM"])
+@pytest.mark.usefixtures("usual_signals")
 def test_a_save_that_fails_ends_only_what_ends_anyway(tmp_path, monkeypatch, capsys, ordered):
     attempts = []
 

@@ -1,5 +1,5 @@
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from fnnq_torchrl.training.results import (
-    EVALUATION_COLUMNS,
     Evaluations,
     Outcome,
     read_evaluations,
@@ -25,7 +24,8 @@ TWO_RUNS = Outcome(
     steps=np.array([[0, 310, 600], [0, 280, 450]]),
     catches=np.array([[1, 2, 4], [0, 5, 5]]),
     diverged=np.array([[False, False, False], [False, False, True]]),
-    denormal=np.array([[False, False, False], [False, True, True]]),
+    returns=np.array([[-0.2, 0.1, 0.7], [-0.5, 1.0, -0.5]]),
+    lengths=np.array([[120.0, 99.5, 60.2], [120.0, 50.0, 120.0]]),
     batch_runs=4,
     batch_learning_steps=2100,
     train_seconds=0.5,
@@ -33,23 +33,15 @@ TWO_RUNS = Outcome(
     evaluate_seconds=0.125,
 )
 TWO_RUNS_CSV = """\
-seed,lam,situations,steps,catches,diverged,denormal
-3,0.2,0,0,1,0,0
-3,0.2,5,310,2,0,0
-3,0.2,10,600,4,0,0
-4,0.1,0,0,0,0,0
-4,0.1,5,280,5,0,1
-4,0.1,10,450,5,1,1
+seed,lam,situations,steps,catches,diverged,return,length
+3,0.2,0,0,1,0,-0.2,120.0
+3,0.2,5,310,2,0,0.1,99.5
+3,0.2,10,600,4,0,0.7,60.2
+4,0.1,0,0,0,0,-0.5,120.0
+4,0.1,5,280,5,0,1.0,50.0
+4,0.1,10,450,5,1,-0.5,120.0
 """
-SINGLE_RUN = replace(
-    TWO_RUNS,
-    seed=TWO_RUNS.seed[:1],
-    lam=TWO_RUNS.lam[:1],
-    steps=TWO_RUNS.steps[:1],
-    catches=TWO_RUNS.catches[:1],
-    diverged=TWO_RUNS.diverged[:1],
-    denormal=TWO_RUNS.denormal[:1],
-)
+SINGLE_RUN = TWO_RUNS.of(slice(0, 1))
 
 
 @st.composite
@@ -66,7 +58,8 @@ def any_evaluations(draw: st.DrawFn) -> Evaluations:
         steps=draw(hnp.arrays(np.int64, (runs, evaluations), elements=counts)),
         catches=draw(hnp.arrays(np.int64, (runs, evaluations), elements=counts)),
         diverged=draw(hnp.arrays(np.bool_, (runs, evaluations))),
-        denormal=draw(hnp.arrays(np.bool_, (runs, evaluations))),
+        returns=draw(hnp.arrays(np.float64, (runs, evaluations))),
+        lengths=draw(hnp.arrays(np.float64, (runs, evaluations))),
     )
 
 
@@ -82,8 +75,9 @@ def test_reading_back_is_exact(
     path = tmp_path_factory.mktemp("results") / "evaluations.csv"
     write_evaluations(path, written)
     read = read_evaluations(path)
-    for column in EVALUATION_COLUMNS:
-        np.testing.assert_array_equal(getattr(read, column), getattr(written, column), strict=True)
+    for column in fields(Evaluations):
+        one, other = getattr(read, column.name), getattr(written, column.name)
+        np.testing.assert_array_equal(one, other, strict=True)
 
 
 def test_further_columns_are_passed_over(tmp_path: Path) -> None:
@@ -91,17 +85,6 @@ def test_further_columns_are_passed_over(tmp_path: Path) -> None:
     header, *rows = TWO_RUNS_CSV.splitlines()
     path.write_text("\n".join([f"{header},trace", *(f"{row},output" for row in rows)]) + "\n")
     np.testing.assert_array_equal(read_evaluations(path).catches, TWO_RUNS.catches)
-
-
-@pytest.mark.parametrize("columns", [5, 6])
-def test_a_file_from_before_the_flags_has_none_of_them(tmp_path: Path, columns: int) -> None:
-    path = tmp_path / "evaluations.csv"
-    rows = (",".join(row.split(",")[:columns]) for row in TWO_RUNS_CSV.split())
-    path.write_text("".join(f"{row}\n" for row in rows))
-    older = read_evaluations(path)
-    np.testing.assert_array_equal(older.catches, TWO_RUNS.catches)
-    assert older.diverged_runs == (1 if columns == 6 else 0)
-    assert older.denormal_runs == 0
 
 
 def test_a_file_cut_anywhere_is_refused_unless_whole_runs_are_left(tmp_path: Path) -> None:
@@ -124,10 +107,10 @@ def test_a_file_cut_anywhere_is_refused_unless_whole_runs_are_left(tmp_path: Pat
         ("seed,lam", "lam,seed", "its columns must begin seed,lam,situations,steps,catches"),
         ("3,0.2,5,310,2", "9,0.2,5,310,2", "seed changes within a run"),
         ("3,0.2,5,310,2", "3,0.3,5,310,2", "lam changes within a run"),
-        ("3,0.2,5,310,2,0,0\n", "", "some run lacks"),
+        ("3,0.2,5,310,2,0,0.1,99.5\n", "", "some run lacks"),
         ("4,0.1,5", "4,0.1,6", "not all evaluated after the same situations"),
         ("4,0.1,5", "4,0.1,10", "not all evaluated after the same situations"),
-        ("4,0.1,0,0,0,0,0\n", "", "seed changes within a run"),
+        ("4,0.1,0,0,0,0,-0.5,120.0\n", "", "seed changes within a run"),
         ("310,2", "310", "column"),
         ("310", "31x", "could not convert"),
         ("310", "3.5", "could not convert"),
@@ -186,7 +169,8 @@ def test_the_final_score_is_over_the_last_eight_evaluations() -> None:
         steps=catches,
         catches=catches,
         diverged=catches < 0,
-        denormal=catches < 0,
+        returns=catches * 1.0,
+        lengths=catches * 1.0,
     )
     assert outcome.final_score == [1.5]
     assert outcome.mean_score == [2.2]
@@ -206,12 +190,12 @@ def test_summary_by_hand(tmp_path: Path) -> None:
         "compile_seconds": 0.25,
         "evaluate_seconds": 0.125,
         "learning_steps_per_second": 4200.0,
+        "measure": "successes",
         "mean_score": 4.0,
         "mean_score_interval": interval,
         "final_score": 4.0,
         "final_score_interval": interval,
         "confidence": 0.95,
-        "denormal_runs": 1,
     }
     write_summary(tmp_path / "summary.json", summary)
     written = json.loads((tmp_path / "summary.json").read_text())
@@ -232,3 +216,10 @@ def test_a_summary_with_nan_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="JSON"):
         write_summary(tmp_path / "summary.json", summary)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("measure", "scores"), [("return", [0.4, 0.25]), ("length", [79.85, 85])])
+def test_the_score_is_of_the_worlds_measure(measure: str, scores: list[float]) -> None:
+    outcome = replace(TWO_RUNS, measure=measure)
+    np.testing.assert_allclose(outcome.mean_score, scores)
+    assert summarise(outcome)["measure"] == measure

@@ -23,7 +23,7 @@ SUMMARY = Summary(
     final_score=4.5,
     final_score_interval=[4.25, 4.75],
     confidence=0.95,
-    denormal_runs=0,
+    measure="successes",
 )
 
 

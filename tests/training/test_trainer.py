@@ -8,7 +8,7 @@ from torch import Tensor
 
 from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.trainer import Trainer
-from tests.programs import config, make_program, make_runs
+from tests.programs import config, make_learner, make_runs
 
 RUNS = 22
 SETTINGS = config("situations=10")
@@ -18,7 +18,7 @@ def train(*, threads: int = 1, **changes: Any) -> tuple[Outcome, Tensor]:
     """What came of a short training, and the weights."""
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
-    trainer = Trainer(replace(SETTINGS, **changes))
+    trainer = Trainer.of(replace(SETTINGS, **changes))
     trainer.learn()
     outcome = trainer.evaluate()
     torch.set_num_threads(before)
@@ -68,18 +68,18 @@ def test_on_two_threads_in_a_larger_batch(batch: tuple[Outcome, Tensor]) -> None
 def test_the_weights_are_those_of_the_last_evaluation(batch: tuple[Outcome, Tensor]) -> None:
     outcome, weights = batch
     run = make_runs(SETTINGS, 32, seed=torch.arange(7, 39))
-    program = make_program(SETTINGS, run)
-    state = program.begin(run)
+    learner = make_learner(SETTINGS, run)
+    state = learner.begin(run)
     last = outcome.steps[:, -1]
     for step in range(1, last.max() + 1):
-        state = program.step(run, state)
+        state = learner.step(run, state)
         for i in np.flatnonzero(last == step):
             assert state["situations"][i] == 10
             assert torch.equal(state["weights", "weight"][i], weights[i])
 
 
 def test_it_tells_how_far_it_is() -> None:
-    trainer = Trainer(replace(SETTINGS, num_seeds=3))
+    trainer = Trainer.of(replace(SETTINGS, num_seeds=3))
     assert trainer.situations_to_learn == 3 * 10
     assert trainer.situations_to_play == 3 * 3 * 5
     learned: list[int] = []
@@ -94,7 +94,7 @@ def test_it_tells_how_far_it_is() -> None:
 
 
 def test_evaluating_changes_nothing() -> None:
-    trainer = Trainer(replace(SETTINGS, num_seeds=3, situations=5))
+    trainer = Trainer.of(replace(SETTINGS, num_seeds=3, situations=5))
     trainer.learn()
     weights = trainer.weights.clone()
     catches = trainer.evaluate().catches.tolist()
@@ -114,7 +114,7 @@ def test_the_global_random_state_is_neither_read_nor_touched(
 
 
 def learned(**changes: Any) -> Tensor:
-    trainer = Trainer(replace(SETTINGS, situations=5, **changes))
+    trainer = Trainer.of(replace(SETTINGS, situations=5, **changes))
     trainer.learn()
     return trainer.weights["weight"]
 

@@ -6,15 +6,17 @@ from typing import Any
 
 import torch
 
-from .executor import Array, Executor, each, operation
+from .call import Array, Call, Operations, each
 from .expressions import Unsupported
 from .source import FUNCTIONS
 
 aten = torch.ops.aten
 
+OPERATIONS = Operations()
+
 _ELEMENTARY = ("bitwise_and", "bitwise_not", "bitwise_or", "bitwise_xor", "maximum", "minimum")
 for _name in (*FUNCTIONS, *_ELEMENTARY, "mul", "neg"):
-    operation(getattr(aten, _name))(partial(Executor.pointwise, op=_name))
+    OPERATIONS.register(getattr(aten, _name))(partial(Call.pointwise, op=_name))
 for _packet, _name in {
     aten.__and__: "bitwise_and",
     aten.__or__: "bitwise_or",
@@ -24,152 +26,152 @@ for _packet, _name in {
     aten.logical_xor: "bitwise_xor",
     aten.logical_not: "bitwise_not",
 }.items():
-    operation(_packet)(partial(Executor.pointwise, op=_name))
+    OPERATIONS.register(_packet)(partial(Call.pointwise, op=_name))
 
 
-@operation(aten.__lshift__, aten.__rshift__, aten.bitwise_left_shift, aten.bitwise_right_shift)
-def _shift(run: Executor, values: Array, by: Array | int) -> Array:
-    if not isinstance(by, int) or not 0 <= by < 8 * run.result.dtype.itemsize:
+@OPERATIONS.register(
+    aten.__lshift__, aten.__rshift__, aten.bitwise_left_shift, aten.bitwise_right_shift
+)
+def _shift(call: Call, values: Array, by: Array | int) -> Array:
+    if not isinstance(by, int) or not 0 <= by < 8 * call.result.dtype.itemsize:
         raise Unsupported("no translation for shifts by what isn't known")
-    left = run.packet in (aten.__lshift__, aten.bitwise_left_shift)
-    return run.pointwise(values, by, op="lshift" if left else "rshift")
+    left = call.packet in (aten.__lshift__, aten.bitwise_left_shift)
+    return call.pointwise(values, by, op="lshift" if left else "rshift")
 
 
-@operation(aten.eq, aten.ne, aten.lt, aten.le, aten.gt, aten.ge)
-def _compare(run: Executor, left: Array, right: Array | float) -> Array:
-    computed_in = torch.result_type(*run.likes)
-    return run.pointwise(left, right, op=run.packet.__name__, computed_in=computed_in)
+@OPERATIONS.register(aten.eq, aten.ne, aten.lt, aten.le, aten.gt, aten.ge)
+def _compare(call: Call, left: Array, right: Array | float) -> Array:
+    computed_in = torch.result_type(*call.args)
+    return call.pointwise(left, right, op=call.packet.__name__, computed_in=computed_in)
 
 
-@operation(aten.isnan)
-def _isnan(run: Executor, values: Array) -> Array:
-    return run.pointwise(values, values, op="ne", computed_in=run.likes[0].dtype)
+@OPERATIONS.register(aten.isnan)
+def _isnan(call: Call, values: Array) -> Array:
+    return call.pointwise(values, values, op="ne", computed_in=call.args[0].dtype)
 
 
-@operation(aten.add, aten.sub)
-def _add(run: Executor, left: Array, right: Array | float, *, alpha: float = 1) -> Array:
-    scaled = right if alpha == 1 else run.pointwise(right, alpha, op="mul")
-    return run.pointwise(left, scaled, op=run.packet.__name__)
+@OPERATIONS.register(aten.add, aten.sub)
+def _add(call: Call, left: Array, right: Array | float, *, alpha: float = 1) -> Array:
+    scaled = right if alpha == 1 else call.pointwise(right, alpha, op="mul")
+    return call.pointwise(left, scaled, op=call.packet.__name__)
 
 
-@operation(aten.div)
+@OPERATIONS.register(aten.div)
 def _div(
-    run: Executor, left: Array, right: Array | float, *, rounding_mode: str | None = None
+    call: Call, left: Array, right: Array | float, *, rounding_mode: str | None = None
 ) -> Array:
-    if rounding_mode is None:
-        return run.pointwise(left, right, op="div")
-    if rounding_mode == "floor" or not run.result.dtype.is_floating_point:
+    if rounding_mode is not None:
         raise Unsupported("no translation for division with a rest")
-    return run.pointwise(run.pointwise(left, right, op="div"), op="trunc")
+    return call.pointwise(left, right, op="div")
 
 
-@operation(aten.remainder)
-def _remainder(run: Executor, left: Array | float, right: Array | float) -> Array:
+@OPERATIONS.register(aten.remainder)
+def _remainder(call: Call, left: Array | float, right: Array | float) -> Array:
     """With the sign of the divisor, as in Python."""
-    if not run.result.dtype.is_floating_point:
+    if not call.result.dtype.is_floating_point:
         raise Unsupported("no translation for the division of whole numbers")
     if not isinstance(right, int | float) or not isfinite(right):
         raise Unsupported("no translation for the rest of a division by what isn't known")
-    quotient = run.pointwise(run.pointwise(left, right, op="div"), op="floor")
-    rest = run.pointwise(left, run.pointwise(quotient, right, op="mul"), op="sub")
+    quotient = call.pointwise(call.pointwise(left, right, op="div"), op="floor")
+    rest = call.pointwise(left, call.pointwise(quotient, right, op="mul"), op="sub")
     # Where rounding has made the quotient too large by one.
-    signs = run.pointwise(rest, right, op="mul")
-    zero = run.make.constant(0, run.result.dtype)
-    below = each(lambda sign: run.make("lt", torch.bool, sign, zero), signs)
-    return _where(run, below, run.pointwise(rest, right, op="add"), rest)
+    signs = call.pointwise(rest, right, op="mul")
+    zero = call.make.constant(0, call.result.dtype)
+    below = each(lambda sign: call.make("lt", torch.bool, sign, zero), signs)
+    return _where(call, below, call.pointwise(rest, right, op="add"), rest)
 
 
-@operation(aten.abs)
-def _abs(run: Executor, values: Array) -> Array:
-    if run.result.dtype.is_floating_point:
-        return run.pointwise(values, op="abs")
-    return run.pointwise(values, run.pointwise(values, op="neg"), op="maximum")
+@OPERATIONS.register(aten.abs)
+def _abs(call: Call, values: Array) -> Array:
+    if call.result.dtype.is_floating_point:
+        return call.pointwise(values, op="abs")
+    return call.pointwise(values, call.pointwise(values, op="neg"), op="maximum")
 
 
-@operation(aten.isinf)
-def _isinf(run: Executor, values: Array) -> Array:
-    dtype = run.likes[0].dtype
-    size = each(lambda value: run.make("abs", dtype, value), run.cast(values, dtype))
-    return run.pointwise(size, float("inf"), op="eq", computed_in=dtype)
+@OPERATIONS.register(aten.isinf)
+def _isinf(call: Call, values: Array) -> Array:
+    dtype = call.args[0].dtype
+    size = each(lambda value: call.make("abs", dtype, value), call.cast(values, dtype))
+    return call.pointwise(size, float("inf"), op="eq", computed_in=dtype)
 
 
-@operation(aten.reciprocal)
-def _reciprocal(run: Executor, values: Array) -> Array:
-    return run.pointwise(1, values, op="div")
+@OPERATIONS.register(aten.reciprocal)
+def _reciprocal(call: Call, values: Array) -> Array:
+    return call.pointwise(1, values, op="div")
 
 
-@operation(aten.rsqrt)
-def _rsqrt(run: Executor, values: Array) -> Array:
-    return run.pointwise(1, run.pointwise(values, op="sqrt"), op="div")
+@OPERATIONS.register(aten.rsqrt)
+def _rsqrt(call: Call, values: Array) -> Array:
+    return call.pointwise(1, call.pointwise(values, op="sqrt"), op="div")
 
 
-@operation(aten.sigmoid)
-def _sigmoid(run: Executor, values: Array) -> Array:
-    negated = run.pointwise(run.pointwise(values, op="neg"), op="exp")
-    return run.pointwise(1, run.pointwise(1, negated, op="add"), op="div")
+@OPERATIONS.register(aten.sigmoid)
+def _sigmoid(call: Call, values: Array) -> Array:
+    negated = call.pointwise(call.pointwise(values, op="neg"), op="exp")
+    return call.pointwise(1, call.pointwise(1, negated, op="add"), op="div")
 
 
-@operation(aten.sign)
-def _sign(run: Executor, values: Array) -> Array:
-    dtype = run.result.dtype
+@OPERATIONS.register(aten.sign)
+def _sign(call: Call, values: Array) -> Array:
+    dtype = call.result.dtype
     above, below = (
         each(
-            lambda value, op=op: run.make(op, torch.bool, value, run.make.constant(0, dtype)),
+            lambda value, op=op: call.make(op, torch.bool, value, call.make.constant(0, dtype)),
             values,
         )
         for op in ("gt", "lt")
     )
-    return run.pointwise(above, below, op="sub")
+    return call.pointwise(above, below, op="sub")
 
 
-@operation(aten.relu)
-def _relu(run: Executor, values: Array) -> Array:
-    return run.pointwise(values, 0, op="maximum")
+@OPERATIONS.register(aten.relu)
+def _relu(call: Call, values: Array) -> Array:
+    return call.pointwise(values, 0, op="maximum")
 
 
-@operation(aten.pow)
-def _pow(run: Executor, base: Array | float, exponent: Array | float) -> Array:
+@OPERATIONS.register(aten.pow)
+def _pow(call: Call, base: Array | float, exponent: Array | float) -> Array:
     if isinstance(exponent, int | float):
         if exponent == 0.5:
-            return run.pointwise(base, op="sqrt")
+            return call.pointwise(base, op="sqrt")
         if exponent == -1:
-            return run.pointwise(1, base, op="div")
+            return call.pointwise(1, base, op="div")
         if exponent in (2, 3):
-            square = run.pointwise(base, base, op="mul")
-            return square if exponent == 2 else run.pointwise(square, base, op="mul")
-    if not run.result.dtype.is_floating_point:
+            square = call.pointwise(base, base, op="mul")
+            return square if exponent == 2 else call.pointwise(square, base, op="mul")
+    if not call.result.dtype.is_floating_point:
         raise Unsupported("no translation for powers of whole numbers")
-    return run.pointwise(base, exponent, op="pow")
+    return call.pointwise(base, exponent, op="pow")
 
 
-@operation(aten.clamp)
+@OPERATIONS.register(aten.clamp)
 def _clamp(
-    run: Executor,
+    call: Call,
     values: Array,
     low: Array | float | None = None,
     high: Array | float | None = None,
 ) -> Array:
     if low is not None:
-        values = run.pointwise(values, low, op="maximum")
-    return values if high is None else run.pointwise(values, high, op="minimum")
+        values = call.pointwise(values, low, op="maximum")
+    return values if high is None else call.pointwise(values, high, op="minimum")
 
 
-@operation(aten.where)
-def _where(run: Executor, mask: Array, chosen: Array | float, other: Array | float) -> Array:
-    dtype = run.result.dtype
+@OPERATIONS.register(aten.where)
+def _where(call: Call, mask: Array, chosen: Array | float, other: Array | float) -> Array:
+    dtype = call.result.dtype
     return each(
-        lambda *values: run.make("where", dtype, *values),
+        lambda *values: call.make("where", dtype, *values),
         mask,
-        run.cast(chosen, dtype),
-        run.cast(other, dtype),
+        call.cast(chosen, dtype),
+        call.cast(other, dtype),
     )
 
 
-@operation(aten._to_copy)
-def _to_copy(run: Executor, values: Array, **_: Any) -> Array:
-    return run.cast(values, run.result.dtype)
+@OPERATIONS.register(aten._to_copy)
+def _to_copy(call: Call, values: Array, **_: Any) -> Array:
+    return call.cast(values, call.result.dtype)
 
 
-@operation(aten.clone, aten.alias, aten.detach, aten.lift_fresh_copy)
-def _clone(run: Executor, values: Array, **_: Any) -> Array:
+@OPERATIONS.register(aten.clone, aten.alias, aten.detach, aten.lift_fresh_copy)
+def _clone(call: Call, values: Array, **_: Any) -> Array:
     return values

@@ -13,10 +13,10 @@ from torch.fx import GraphModule
 from fnnq_torchrl.engine.graphs import leaves, nested, trace
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.loops import MakeStep, Running, Step
-from fnnq_torchrl.engine.native import elementwise, reductions, shapes  # noqa: F401  # they register the operations
 
 from .build import build
-from .executor import Array, Executor
+from .call import Array
+from .executor import Executor
 from .expressions import Expression, Expressions, in_order
 from .source import Leaf, program
 

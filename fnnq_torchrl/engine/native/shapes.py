@@ -7,45 +7,47 @@ from typing import Any
 import numpy as np
 import torch
 
-from .executor import Array, Executor, operation
+from .call import Array, Call, Operations, constants
 from .expressions import Unsupported
 
 aten = torch.ops.aten
 
-
-@operation(aten.view, aten.reshape, aten._unsafe_view, aten.squeeze, aten.unsqueeze)
-def _view(run: Executor, values: Array, *_: Any) -> Array:
-    return values.reshape(run.result.shape)
+OPERATIONS = Operations()
 
 
-@operation(aten.expand)
-def _expand(run: Executor, values: Array, *_: Any) -> Array:
-    return np.broadcast_to(values, run.result.shape)
+@OPERATIONS.register(aten.view, aten.reshape, aten._unsafe_view, aten.squeeze, aten.unsqueeze)
+def _view(call: Call, values: Array, *_: Any) -> Array:
+    return values.reshape(call.result.shape)
 
 
-@operation(aten.permute)
-def _permute(run: Executor, values: Array, dims: Sequence[int]) -> Array:
+@OPERATIONS.register(aten.expand)
+def _expand(call: Call, values: Array, *_: Any) -> Array:
+    return np.broadcast_to(values, call.result.shape)
+
+
+@OPERATIONS.register(aten.permute)
+def _permute(call: Call, values: Array, dims: Sequence[int]) -> Array:
     return values.transpose(dims)
 
 
-@operation(aten.t)
-def _t(run: Executor, values: Array) -> Array:
+@OPERATIONS.register(aten.t)
+def _t(call: Call, values: Array) -> Array:
     return values.T
 
 
-@operation(aten.transpose)
-def _transpose(run: Executor, values: Array, dim: int, other: int) -> Array:
+@OPERATIONS.register(aten.transpose)
+def _transpose(call: Call, values: Array, dim: int, other: int) -> Array:
     return values.swapaxes(dim, other)
 
 
-@operation(aten.select)
-def _select(run: Executor, values: Array, dim: int, index: int) -> Array:
+@OPERATIONS.register(aten.select)
+def _select(call: Call, values: Array, dim: int, index: int) -> Array:
     return np.asarray(np.moveaxis(values, dim, 0)[index], dtype=object)
 
 
-@operation(aten.slice)
+@OPERATIONS.register(aten.slice)
 def _slice(
-    run: Executor,
+    call: Call,
     values: Array,
     dim: int = 0,
     start: int | None = None,
@@ -55,65 +57,65 @@ def _slice(
     return np.moveaxis(np.moveaxis(values, dim, 0)[start:end:step], 0, dim)
 
 
-@operation(aten.flip)
-def _flip(run: Executor, values: Array, dims: Sequence[int]) -> Array:
+@OPERATIONS.register(aten.flip)
+def _flip(call: Call, values: Array, dims: Sequence[int]) -> Array:
     return np.flip(values, tuple(dims))
 
 
-@operation(aten.slice_scatter, aten.select_scatter)
-def _put_back(run: Executor, values: Array, part: Array, dim: int = 0, *where: int | None) -> Array:
+@OPERATIONS.register(aten.slice_scatter, aten.select_scatter)
+def _put_back(call: Call, values: Array, part: Array, dim: int = 0, *where: int | None) -> Array:
     """What a slice or a selection would take is replaced."""
     changed = values.copy()
-    place = where[0] if run.packet is aten.select_scatter else slice(*where)
+    place = where[0] if call.packet is aten.select_scatter else slice(*where)
     np.moveaxis(changed, dim, 0)[place] = (
-        part if run.packet is aten.select_scatter else np.moveaxis(part, dim, 0)
+        part if call.packet is aten.select_scatter else np.moveaxis(part, dim, 0)
     )
     return changed
 
 
-@operation(aten.cat)
-def _cat(run: Executor, arrays: Sequence[Array], dim: int = 0) -> Array:
-    return np.concatenate([run.cast(array, run.result.dtype) for array in arrays], dim)
+@OPERATIONS.register(aten.cat)
+def _cat(call: Call, arrays: Sequence[Array], dim: int = 0) -> Array:
+    return np.concatenate([call.cast(array, call.result.dtype) for array in arrays], dim)
 
 
-@operation(aten.repeat)
-def _repeat(run: Executor, values: Array, times: Sequence[int]) -> Array:
+@OPERATIONS.register(aten.repeat)
+def _repeat(call: Call, values: Array, times: Sequence[int]) -> Array:
     return np.tile(values, times)
 
 
-@operation(aten.constant_pad_nd)
-def _pad(run: Executor, values: Array, widths: Sequence[int], number: float = 0) -> Array:
+@OPERATIONS.register(aten.constant_pad_nd)
+def _pad(call: Call, values: Array, widths: Sequence[int], number: float = 0) -> Array:
     if min(widths) < 0:
         raise Unsupported("no translation for padding by less than nothing")
     pairs = [(0, 0)] * values.ndim
     for dim in range(len(widths) // 2):
         pairs[-1 - dim] = (widths[2 * dim], widths[2 * dim + 1])
-    constant: Any = run.make.constant(number, run.result.dtype)
+    constant: Any = call.make.constant(number, call.result.dtype)
     return np.pad(values, pairs, constant_values=constant)
 
 
-@operation(aten.split_with_sizes)
-def _split(run: Executor, values: Array, sizes: Sequence[int], dim: int = 0) -> list[Array]:
+@OPERATIONS.register(aten.split_with_sizes)
+def _split(call: Call, values: Array, sizes: Sequence[int], dim: int = 0) -> list[Array]:
     return np.split(values, np.cumsum(sizes)[:-1], dim)
 
 
-@operation(operator.getitem)
-def _getitem(run: Executor, values: Sequence[Array], index: int) -> Array:
+@OPERATIONS.register(operator.getitem)
+def _getitem(call: Call, values: Sequence[Array], index: int) -> Array:
     return values[index]
 
 
-@operation(aten.scalar_tensor, aten.full, aten.full_like)
-def _full(run: Executor, *args: Any, **_: Any) -> Array:
-    return np.broadcast_to(run.cast(args[-1], run.result.dtype), run.result.shape)
+@OPERATIONS.register(aten.scalar_tensor, aten.full, aten.full_like)
+def _full(call: Call, *args: Any, **_: Any) -> Array:
+    return np.broadcast_to(call.cast(args[-1], call.result.dtype), call.result.shape)
 
 
-@operation(aten.arange)
-def _arange(run: Executor, *args: int, **_: Any) -> Array:
-    return run.constants(torch.arange(*args, dtype=run.result.dtype))
+@OPERATIONS.register(aten.arange)
+def _arange(call: Call, *args: int, **_: Any) -> Array:
+    return constants(torch.arange(*args, dtype=call.result.dtype), call.make)
 
 
-@operation(aten.index)
-def _index(run: Executor, values: Array, indices: Sequence[Array | None]) -> Array:
+@OPERATIONS.register(aten.index)
+def _index(call: Call, values: Array, indices: Sequence[Array | None]) -> Array:
     along = [(dim, index) for dim, index in enumerate(indices) if index is not None]
     if len(along) != 1:
         raise Unsupported("no translation for several indices at once")
@@ -125,33 +127,33 @@ def _index(run: Executor, values: Array, indices: Sequence[Array | None]) -> Arr
         for place in np.ndindex(*index.shape):
             for inner in np.ndindex(*after):
                 choices = rows[(*outer, *inner)]
-                picked[(*outer, *place, *inner)] = run.pick(choices, index[place])
+                picked[(*outer, *place, *inner)] = call.pick(choices, index[place])
     return picked
 
 
-@operation(aten.index_select)
-def _index_select(run: Executor, values: Array, dim: int, index: Array) -> Array:
-    return _index(run, values, [*[None] * (dim % values.ndim), index])
+@OPERATIONS.register(aten.index_select)
+def _index_select(call: Call, values: Array, dim: int, index: Array) -> Array:
+    return _index(call, values, [*[None] * (dim % values.ndim), index])
 
 
-@operation(aten.gather)
+@OPERATIONS.register(aten.gather)
 def _gather(
-    run: Executor, values: Array, dim: int, index: Array, *, sparse_grad: bool = False
+    call: Call, values: Array, dim: int, index: Array, *, sparse_grad: bool = False
 ) -> Array:
     picked = np.empty(index.shape, dtype=object)
     rows = np.moveaxis(values, dim, -1)
     for place in np.ndindex(*index.shape):
         others = [*place]
         others.pop(dim)
-        picked[place] = run.pick(rows[tuple(others)], index[place])
+        picked[place] = call.pick(rows[tuple(others)], index[place])
     return picked
 
 
-@operation(aten.scatter, aten.scatter_add)
-def _scatter(run: Executor, values: Array, dim: int, index: Array, source: Array | float) -> Array:
-    dtype = run.result.dtype
+@OPERATIONS.register(aten.scatter, aten.scatter_add)
+def _scatter(call: Call, values: Array, dim: int, index: Array, source: Array | float) -> Array:
+    dtype = call.result.dtype
     changed = values.copy()
-    sources = run.cast(source, dtype)
+    sources = call.cast(source, dtype)
     if not sources.ndim:
         sources = np.broadcast_to(sources, index.shape)
     dim %= max(values.ndim, 1)
@@ -161,8 +163,8 @@ def _scatter(run: Executor, values: Array, dim: int, index: Array, source: Array
             there = (*place[:dim], number, *place[dim + 1 :])
             old: Any = changed[there]
             new: Any = sources[place]
-            if run.packet is aten.scatter_add:
-                new = run.make("add", dtype, old, new)
-            this = run.make("eq", torch.bool, at, run.make.constant(number, at.dtype))
-            changed[there] = run.make("where", dtype, this, new, old)
+            if call.packet is aten.scatter_add:
+                new = call.make("add", dtype, old, new)
+            this = call.make("eq", torch.bool, at, call.make.constant(number, at.dtype))
+            changed[there] = call.make("where", dtype, this, new, old)
     return changed

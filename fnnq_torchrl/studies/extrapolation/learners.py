@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.func import functional_call
 
+from envs.robot.schemas import FollowOneSideConfig
+from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.studies.experiments import Job, NoResults
 from fnnq_torchrl.training.jobs import SNAPSHOTS
-from fnnq_torchrl.training.snapshot_file import Snapshots, load_snapshots
+from fnnq_torchrl.training.weights import Snapshots, load_snapshots
 
 Weights = dict[str, Tensor]
 
@@ -35,11 +37,11 @@ class Learner:
 
     def __post_init__(self) -> None:
         world = self.config.env
-        if world.start_side != "left" or not 0 < world.switch_side_after < self.config.situations:
+        one_side = isinstance(world, FollowOneSideConfig) and world.start_side == "left"
+        if not (one_side and 0 < world.switch_side_after < self.config.situations):
             raise NoResults(
-                f"{self.kind}: must have learned on the left and then on the right, not with "
-                f"env.start_side={world.start_side} "
-                f"env.switch_side_after={world.switch_side_after}"
+                f"{self.kind}: must have learned with env=follow_one_side on the left, and then on "
+                "the right"
             )
 
     @classmethod
@@ -90,8 +92,7 @@ class Learner:
     def network(self) -> ValueNetwork:
         """The value function, of a single run, which serves any number of runs' weights."""
         dtype = getattr(torch, self.config.machine.dtype)
-        candidates = torch.linspace(-1, 1, self.config.action.candidates, dtype=dtype)
-        return make_value_network(self.config.value, candidates, runs=1)
+        return make_value_network(self.config.value, make_candidates(self.config, dtype), runs=1)
 
     def page(self, situations: int) -> int:
         """Which evaluation it is that came after so many situations.

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from tensordict import TensorDict
 from torch import Tensor
 
-from envs.robot.follow import FollowBall
+from envs.worlds import make_world
 from fnnq_torchrl.agent.learning_step import act
 from fnnq_torchrl.agent.policy import make_policy
 from fnnq_torchrl.engine.choice import make_engine
 from fnnq_torchrl.engine.lanes import lanes_for
 from fnnq_torchrl.engine.scheduler import work_through
 from fnnq_torchrl.equations.names import EXPLORATIONS
-from fnnq_torchrl.training.evaluation import Playing
+from fnnq_torchrl.training.evaluation import GreedyTest, Playing, no_results
 
 from .indifferent import IndifferentWhereUnseen
 from .learners import Learner
@@ -57,28 +57,25 @@ def catches(
         ``[runs, pages]``; of a run that has diverged, 0.
     """
     shape = (len(pages), learner.runs)
-    caught = torch.zeros(shape, dtype=torch.int64)
     network, prefix = learner.network, ""
     if indifferent:
         network, prefix = IndifferentWhereUnseen(network, learner.edge_rad), "network."
     saved = learner.snapshots.weights
     weights = {f"{prefix}{name}": weight[list(pages)] for name, weight in saved.items()}
+    dtype = network.candidates.dtype
+    results = no_results(*shape, TESTS, dtype)
     engine = make_engine("eager", torch.device("cpu"))
-    lanes = lanes_for(caught.numel() * TESTS, engine.workers, engine.most_lanes)
+    lanes = lanes_for(results.numel(), engine.workers, engine.most_lanes)
     playing = Playing(
-        network,
-        learner.config.env.on_both_sides(),
-        starts(side).to(network.candidates.dtype),
-        learner.snapshots.seed.unsqueeze(-1),
-        TensorDict(weights, shape),
-        torch.zeros(*shape, TESTS, dtype=torch.bool),
-        caught,
-        engine,
-        lanes,
-        lambda done: None,
+        GreedyTest(learner.config.env.tested, network, starts(side).to(dtype)),
+        seed=learner.snapshots.seed.unsqueeze(-1),
+        weights=TensorDict(weights, shape),
+        results=results,
+        engine=engine,
+        lanes=lanes,
     )
     work_through(playing, playing.jobs, lanes, engine.workers)
-    of_all: Numbers = caught.T.double().numpy()
+    of_all: Numbers = results["success"].sum(-1).T.double().numpy()
     return np.where(learner.diverged[:, pages], 0.0, of_all)
 
 
@@ -103,7 +100,7 @@ def shares_beyond(learner: Learner, edges_rad: Sequence[float], whole_view: bool
     situations = learner.snapshots.situations
     pages = (situations < world.switch_side_after).nonzero().flatten()[::_EVERY]
     lanes = len(pages) * learner.runs
-    env = FollowBall(world, [lanes], dtype=learner.network.candidates.dtype)
+    env = make_world(world, [lanes], dtype=learner.network.candidates.dtype)
     weights = {name: w[pages].flatten(0, 1) for name, w in learner.snapshots.weights.items()}
     config = learner.config
     exploring: float = getattr(config, EXPLORATIONS[config.exploration])

@@ -13,7 +13,7 @@ def experiment_curves_figure(experiment: Experiment, key: str) -> Figure:
         Curve(
             setting_words(key, job.settings[key]),
             job.evaluations.situations,
-            job.evaluations.catches,
+            job.evaluations.score,
             job.evaluations.diverged_runs,
         )
         for job in experiment.jobs

@@ -1,16 +1,16 @@
-"""What a logger gets, and what it must be able to do."""
+"""The results that loggers get, and the interface that every logger has."""
 
+import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fnnq_torchrl.config.schema import PER_RUN, run_columns
+from fnnq_torchrl.config.schema import PER_RUN
 from fnnq_torchrl.training.intervals import mean_interval
 from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.results import (
@@ -22,37 +22,51 @@ from fnnq_torchrl.training.results import (
     read_summary,
 )
 
-_CHANGING = [name for name in EVALUATION_COLUMNS if name not in PER_RUN]
-"""The columns of evaluations.csv that change from row to row of a run: whole numbers, flags."""
+_TABLES = ("evaluations.csv", "summary.json", "summary.csv")
 
 
-@dataclass(frozen=True)
-class JobResults:
-    """A finished job, read from its files when it is asked for.
+class Results:
+    """The files of a job or of a sweep.
+
+    Args:
+        directory: where they are.
+        home: the directory of the sweep or, for a job that is in none, its own.
+        name: the job's among all jobs, or the sweep's among all sweeps.
+    """
+
+    def __init__(self, directory: Path, home: Path, name: str) -> None:
+        self.directory, self.home, self.name = directory, home, name
+
+    @property
+    def group(self) -> str:
+        """The name that a sweep and its jobs have in common."""
+        return self.home.name
+
+    @property
+    def pictures(self) -> list[Path]:
+        """The pictures drawn of it."""
+        return sorted(self.directory.glob("*.png"))
+
+    @property
+    def tables(self) -> list[Path]:
+        """The files with its numbers."""
+        return [path for name in _TABLES if (path := self.directory / name).exists()]
+
+
+class JobResults(Results):
+    """A finished job, whose files are read when they are asked for.
+
+    Args:
+        job: its name among the results is ``<sweep>/<job>`` or that of its directory.
 
     Raises:
         OSError, ValueError: by its properties, if a file can't be read or is damaged.
     """
 
-    job: Job
-
-    @property
-    def directory(self) -> Path:
-        """With the result files."""
-        return self.job.directory
-
-    @property
-    def group(self) -> str:
-        """What its sweep is called or, for a job alone, the job itself."""
-        return (self.job.sweep or self.directory).name
-
-    @property
-    def name(self) -> str:
-        """What it is called among all jobs: ``<sweep>/<job>``, or as its directory."""
-        sweep = self.job.sweep
-        if sweep is None or not self.directory.is_relative_to(sweep):
-            return self.directory.name
-        return str(self.directory.relative_to(sweep.parent))
+    def __init__(self, job: Job) -> None:
+        home = job.sweep or job.directory
+        super().__init__(job.directory, home, os.path.relpath(job.directory, home.parent))
+        self.job = job
 
     @cached_property
     def settings(self) -> dict[str, Any]:
@@ -62,95 +76,71 @@ class JobResults:
         return settings
 
     @cached_property
-    def runs(self) -> dict[str, list[float]]:
-        """The values in which the runs may differ, by their keys: each ``[runs]``."""
-        return run_columns(self.job.config)
-
-    @cached_property
     def evaluations(self) -> Evaluations:
-        """What evaluations.csv holds."""
-        return read_evaluations(self.directory / "evaluations.csv")
+        """The content of evaluations.csv."""
+        return read_evaluations(
+            self.directory / "evaluations.csv", self.job.config.env.tested.measure
+        )
 
     @cached_property
     def summary(self) -> Summary:
-        """What summary.json holds."""
+        """The content of summary.json."""
         return read_summary(self.directory / "summary.json")
-
-    def rows(self, run: int) -> Iterator[dict[str, int]]:
-        """A run's rows of evaluations.csv, without what is the same in all of them."""
-        evaluations = self.evaluations
-        shape = evaluations.runs, evaluations.situations.size
-        columns = [
-            # Numbers all, of which loggers can draw curves.
-            np.broadcast_to(getattr(evaluations, name), shape)[run].astype(np.int64).tolist()
-            for name in _CHANGING
-        ]
-        for row in zip(*columns, strict=True):
-            yield dict(zip(_CHANGING, row, strict=True))
 
     @property
     def scores(self) -> dict[str, float]:
-        """Of the summary, the means over the runs."""
+        """The means over the runs that the summary has."""
         return {key: self.summary[key] for key in ("mean_score", "final_score")}
 
-    @property
-    def pictures(self) -> list[Path]:
-        """Everything that was drawn of it."""
-        return sorted(self.directory.glob("*.png"))
-
-    @property
-    def tables(self) -> list[Path]:
-        """The files with the numbers."""
-        return [self.directory / name for name in ("evaluations.csv", "summary.json")]
-
     @cached_property
-    def curve(self) -> dict[str, NDArray[np.float64]]:
-        """The learning curve in columns, each ``[evaluations]``.
+    def curve(self) -> dict[str, list[float]]:
+        """The learning curve in columns with one number for each evaluation.
 
-        ``steps``, the learning steps of a run so far, and ``score``, its catches, are means over
-        the runs; ``score_low`` and ``score_high``, which a single run doesn't have, the bounds of
-        the score's interval (Student's t). ``diverged`` is how many runs have.
+        ``steps``, the learning steps of a run so far, and ``score`` are means over the runs,
+        ``score_low`` and ``score_high`` the bounds of the score's interval (Student's t), which a
+        single run doesn't have. ``diverged`` is the number of runs that have diverged.
         """
         evaluations = self.evaluations
-        mean, low, high = mean_interval(evaluations.catches, confidence=CONFIDENCE)
+        mean, low, high = mean_interval(evaluations.score, confidence=CONFIDENCE)
         columns = {
             "steps": evaluations.steps.mean(axis=0),
             "score": mean,
-            "diverged": evaluations.diverged.sum(axis=0, dtype=np.float64),
+            "diverged": evaluations.diverged.sum(axis=0),
         }
-        return (
-            columns if evaluations.runs == 1 else columns | {"score_low": low, "score_high": high}
-        )
+        if evaluations.runs > 1:
+            columns |= {"score_low": low, "score_high": high}
+        return {name: column.tolist() for name, column in columns.items()}
+
+    def columns(self, run: int) -> dict[str, list[float]]:
+        """Return the columns of evaluations.csv that change within a run, for one run.
+
+        Flags are 0 and 1, since loggers draw curves of numbers only.
+        """
+        shape = self.evaluations.steps.shape
+        return {
+            name: (np.broadcast_to(self.evaluations.column(name), shape)[run] + 0).tolist()
+            for name in EVALUATION_COLUMNS
+            if name not in PER_RUN
+        }
 
 
-@dataclass(frozen=True)
-class SweepResults:
+class SweepResults(Results):
     """A sweep whose jobs are finished as far as they will be.
 
-    Attributes:
+    Args:
         directory: with the files over all jobs.
-        jobs: how many there are.
+        jobs: all of them.
     """
 
-    directory: Path
-    jobs: int
-
-    @property
-    def pictures(self) -> list[Path]:
-        """Everything that was drawn of the sweep."""
-        return sorted(self.directory.glob("*.png"))
-
-    @property
-    def tables(self) -> list[Path]:
-        """The files with the numbers, as far as there are any."""
-        paths = [self.directory / name for name in ("evaluations.csv", "summary.csv")]
-        return [path for path in paths if path.exists()]
+    def __init__(self, directory: Path, jobs: Sequence[Job]) -> None:
+        super().__init__(directory, directory, f"{directory.name}: {len(jobs):,} jobs")
+        self.jobs = jobs
 
 
 class Logger(ABC):
-    """Takes down what came of finished jobs. May fail with any exception: see `Loggers`."""
+    """A place where finished jobs are logged. Its methods may raise anything: see `Loggers`."""
 
-    def foresee(self, jobs: Sequence[Job]) -> None:  # noqa: B027  # most have nothing to say
+    def prepare(self, jobs: Sequence[Job]) -> None:  # noqa: B027  # most have nothing to say
         """Say in a line, before these jobs begin, what the user should know by then."""
 
     @abstractmethod
@@ -159,7 +149,7 @@ class Logger(ABC):
 
     @abstractmethod
     def log_sweep(self, sweep: SweepResults) -> None:
-        """Log what there is of a sweep besides its jobs."""
+        """Log a sweep without its jobs."""
 
     def close(self) -> None:  # noqa: B027  # most have nothing to do
-        """Finish what goes on in the background, at the end of the process."""
+        """Wait for work in the background, at the end of the command or after a failure."""

@@ -1,12 +1,14 @@
 """MLflow: one MLflow run for each job, with its curve and band, configuration, tables and pictures.
 
-Not by TorchRL's MLFlowLogger, which sends a number at a time, sets the tracking server and the
-active run of the whole process, and never ends a run.
+TorchRL's MLFlowLogger isn't used: it sets the tracking server and the active run of the whole
+process, sends the numbers of each step in a request of their own, and neither names its runs nor
+ends them.
 """
 
 import logging
 import math
 import os
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,27 +17,23 @@ from pathlib import Path
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 
 from mlflow.entities import Metric, Param
-from mlflow.exceptions import MlflowException
 from mlflow.tracking import MlflowClient
 
+from fnnq_torchrl.config.checking import flat
 from fnnq_torchrl.config.loggers import MlflowConfig
-from fnnq_torchrl.config.schema import flat
 from fnnq_torchrl.files.atomic import alone_in
 
-from .base import JobResults, Logger, SweepResults
+from .base import JobResults, Logger, Results, SweepResults
 
 logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)  # it tells of each database
 logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # a lost server is told once
 
 _METRICS_AT_ONCE = 1000
-"""That MLflow takes in one call."""
-
-_PARAM_LETTERS = 6000
-"""That MLflow keeps of a value."""
+"""The most that MLflow takes in one call."""
 
 
 class MlflowLogger(Logger):
-    """See `fnnq_torchrl.training.loggers.Logger`.
+    """Runs in a database beside the jobs or on a server.
 
     Args:
         settings: see ``conf/logger/mlflow.yaml``.
@@ -49,74 +47,48 @@ class MlflowLogger(Logger):
         os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "1")
 
     def log_job(self, job: JobResults) -> None:
-        settings = [
-            Param(key, str(value)[:_PARAM_LETTERS]) for key, value in flat(job.settings).items()
-        ]
+        now_ms = round(time.time() * 1000)
         situations = job.evaluations.situations.tolist()
         metrics = [
-            (name, value, after)
+            Metric(name, value, now_ms, step)
             for name, column in job.curve.items()
-            for value, after in zip(column.tolist(), situations, strict=True)
+            for value, step in zip(column, situations, strict=True)
         ]
-        metrics += [(name, value, situations[-1]) for name, value in job.scores.items()]
-        home, tags = job.job.sweep or job.directory, {"group": job.group}
-        self._log(home, job.name, tags, settings, metrics, job.pictures + job.tables)
+        metrics += [
+            Metric(name, value, now_ms, situations[-1]) for name, value in job.scores.items()
+        ]
+        params = [Param(name, str(value)) for name, value in flat(job.settings).items()]
+        self._log(job, params, metrics)
 
     def log_sweep(self, sweep: SweepResults) -> None:
-        directory = sweep.directory
-        name, tags = f"{directory.name}: {sweep.jobs:,} jobs", {"group": directory.name}
-        self._log(directory, name, tags, [], [], sweep.pictures + sweep.tables)
+        self._log(sweep, [], [])
 
-    def _log(
-        self,
-        home: Path,
-        name: str,
-        tags: dict[str, str],
-        settings: Sequence[Param],
-        metrics: Sequence[tuple[str, float, int]],
-        files: Sequence[Path],
-    ) -> None:
-        """One MLflow run.
-
-        Args:
-            home: the directory for the database, where no other is given.
-            name: of the run.
-            tags: of the run.
-            settings: the configuration.
-            metrics: each a name, a value, and the learning situations before it.
-            files: to be kept with it.
-        """
-        uri = self._uri or f"sqlite:///{home.absolute() / 'mlflow.db'}"
-        with alone_in(home):  # of several processes on a new database, one makes its tables
+    def _log(self, results: Results, params: Sequence[Param], metrics: Sequence[Metric]) -> None:
+        """Log one MLflow run."""
+        uri = self._uri or f"sqlite:///{results.home.absolute() / 'mlflow.db'}"
+        with alone_in(results.home):  # of several processes, one makes what isn't there yet
             client = MlflowClient(tracking_uri=uri)
             experiment = _experiment(client, uri, self._experiment)
-        run = client.create_run(experiment, tags=tags, run_name=name)
+        run = client.create_run(experiment, tags={"group": results.group}, run_name=results.name)
         key = run.info.run_id
-        now_ms = run.info.start_time
         try:
-            client.log_batch(key, params=settings)
+            client.log_batch(key, params=params)
             for begin in range(0, len(metrics), _METRICS_AT_ONCE):
-                some = metrics[begin : begin + _METRICS_AT_ONCE]
-                client.log_batch(key, [Metric(of, value, now_ms, step) for of, value, step in some])
-            for file in files:
+                client.log_batch(key, metrics[begin : begin + _METRICS_AT_ONCE])
+            for file in results.pictures + results.tables:
                 client.log_artifact(key, str(file))
         except BaseException:
-            with suppress(Exception):  # its server may be gone; what it was is told
+            with suppress(Exception):  # its server may be gone; the first failure is told
                 client.set_terminated(key, "FAILED")
             raise
         client.set_terminated(key)
 
 
 def _experiment(client: MlflowClient, uri: str, name: str) -> str:
-    """The id of the experiment, which is made if it isn't there."""
+    """Return the id of the experiment, which is made if it isn't there."""
     if (found := client.get_experiment_by_name(name)) is not None:
         return found.experiment_id
     # Beside the database; MLflow's own default is the directory that the command runs in.
     _, is_sqlite, path = uri.partition("sqlite:///")
     artifacts = (Path(path).absolute().parent / "mlartifacts").as_uri() if is_sqlite else None
-    try:
-        return client.create_experiment(name, artifact_location=artifacts)
-    except MlflowException:  # on a server, somebody else may just have made it
-        if (found := client.get_experiment_by_name(name)) is None:
-            raise
-        return found.experiment_id
+    return client.create_experiment(name, artifact_location=artifacts)

@@ -7,6 +7,7 @@ _KEYS = {  # with their units
     "alpha": ("α", ""),
     "alpha_decay": ("decay of α", ""),
     "kappa": ("κ", ""),
+    "gamma": ("γ", ""),
     "epsilon": ("ε", ""),
     "temperature": ("temperature", ""),
     "noise_std": ("σ", ""),

@@ -1,4 +1,4 @@
-"""Being interrupted: by the clock, to save what is done, and by signals, to end after that."""
+"""Interruptions of a training: by the clock, to save, and by signals, to save and perhaps end."""
 
 import signal
 import threading
@@ -11,10 +11,7 @@ from typing import Any, Self
 SAVING = ("SIGUSR1", "SIGUSR2")
 """Signals that ask for a save, after which the work goes on; Slurm's warning."""
 
-_END = ("SIGTERM", "SIGINT")  # save and end
-
-_NOBODY = (signal.SIG_DFL, signal.SIG_IGN, signal.default_int_handler)
-"""Who answers a signal that nobody does."""
+_ENDING = ("SIGTERM", "SIGINT")
 
 
 class Interrupted(Exception):
@@ -27,7 +24,7 @@ class Interrupted(Exception):
     def __init__(self, number: int) -> None:
         super().__init__(number)
         self.status = 128 + number
-        """For the process to exit with."""
+        """The exit status of the process."""
 
     def __str__(self) -> str:
         name = signal.Signals(self.args[0]).name
@@ -53,36 +50,32 @@ class Lost(Interrupted):
 
 
 class Interruptions:
-    """Says when to save and when to end, within a ``with`` block.
+    """Says when to save and when to end, within a ``with`` block in the main thread.
 
-    In it, SIGUSR1 and SIGUSR2 make a save due; SIGTERM and SIGINT too, and end the work after it. A
-    second SIGTERM or SIGINT ends it at once. Signals that somebody else answers already, such as
-    submitit, are left to them, and so are all outside the main thread.
+    There, SIGUSR1 and SIGUSR2 make a save due; SIGTERM and SIGINT do so too, and end the work after
+    it. A second SIGTERM or SIGINT ends it at once. A signal that something else answers, such as
+    submitit, is left to it; so is a SIGTERM or SIGINT that the process was started to ignore, as a
+    script's background jobs are.
 
-    What is not to be cut off, as the writing of results, can be done in the block too:
-    :meth:`obey` is for after it.
+    The block may go on after the work, for what is not to be cut off, such as the writing of
+    results; :meth:`obey` then ends it.
 
     Args:
         every_s: seconds from one save to the next.
-        clock: tells the seconds, from any start.
+        clock: returns the seconds since any moment.
     """
-
-    current: "Interruptions | None" = None
-    """Those of which somebody looks whether they are due."""
 
     def __init__(self, every_s: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._every_s, self._clock = every_s, clock
         self._last_s = clock()
         self._asked, self._ends_by = False, 0
-        self._answered, self._well = threading.Event(), False
+        self._watched, self._answered, self._well = False, threading.Event(), False
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            for name in (*SAVING, *_END):
-                number = getattr(signal, name, None)
-                if number is not None and signal.getsignal(number) in _NOBODY:
-                    self._before[number] = signal.signal(number, self._answer)
+            self._answer_to(SAVING, instead_of=(signal.SIG_DFL, signal.SIG_IGN))
+            self._answer_to(_ENDING, instead_of=(signal.SIG_DFL, signal.default_int_handler))
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -90,12 +83,12 @@ class Interruptions:
 
     @contextmanager
     def watched(self) -> Iterator[None]:
-        """A block within which somebody saves when it is due, as :meth:`save_now` needs."""
-        Interruptions.current = self
+        """A block within which the work is saved when it is due."""
+        self._watched = True
         try:
             yield
         finally:
-            Interruptions.current = None
+            self._watched = False
 
     @property
     def ending(self) -> bool:
@@ -103,11 +96,11 @@ class Interruptions:
         return bool(self._ends_by)
 
     def due(self) -> bool:
-        """Whether it is time to save."""
+        """Return whether it is time to save."""
         return self._asked or self.ending or self._clock() - self._last_s >= self._every_s
 
     def saved(self) -> None:
-        """Everything is saved.
+        """Take note that everything is saved.
 
         Raises:
             Interrupted: it was to be saved because the work is to end.
@@ -116,7 +109,7 @@ class Interruptions:
         self.obey()
 
     def obey(self) -> None:
-        """Everything is saved, or needs no saving, because it is finished.
+        """End the work if it is to end, now that everything is saved or finished.
 
         Raises:
             Interrupted: the work is to end.
@@ -125,7 +118,7 @@ class Interruptions:
             raise Interrupted(self._ends_by)
 
     def failed(self, error: OSError) -> None:
-        """It couldn't be saved. It is due again after an interval, or when a signal asks.
+        """Take note that the save failed. It is due again after an interval or at a signal.
 
         Raises:
             Lost: it was to be saved because the work is to end.
@@ -135,7 +128,13 @@ class Interruptions:
             raise Lost(self._ends_by, error) from error
 
     def save_now(self, timeout_s: float) -> bool:
-        """Ask for a save, from the main thread, and wait; false if it fails or takes too long."""
+        """Ask for a save, from the main thread, and wait for it.
+
+        Returns:
+            Whether it was saved: not if that failed, took too long, or nothing is at work.
+        """
+        if not self._watched:
+            return False
         self._answered.clear()
         self._asked = True
         return self._answered.wait(timeout_s) and self._well
@@ -144,9 +143,15 @@ class Interruptions:
         self._last_s, self._asked, self._well = self._clock(), False, well
         self._answered.set()
 
+    def _answer_to(self, names: tuple[str, ...], instead_of: tuple[Any, ...]) -> None:
+        for name in names:
+            number = getattr(signal, name, None)  # Windows hasn't all
+            if number is not None and signal.getsignal(number) in instead_of:
+                self._before[number] = signal.signal(number, self._answer)
+
     def _answer(self, number: int, frame: FrameType | None) -> None:
         self._asked = True
-        if signal.Signals(number).name in _END:
+        if signal.Signals(number).name in _ENDING:
             self._ends_by = number
             self._restore()
 

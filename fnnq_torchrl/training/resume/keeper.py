@@ -1,4 +1,4 @@
-"""What the workers have in hand, gathered so that it can be saved."""
+"""The work that is in hand, gathered from all workers so that it can be saved."""
 
 from collections.abc import Callable, Sequence
 
@@ -14,13 +14,13 @@ Hand = tuple[Tensor, TensorDictBase]
 class HandsKeeper:
     """The :class:`fnnq_torchrl.engine.scheduler.Keeper` that saves when it is due.
 
-    Workers come by one after the other. When a save is due, each leaves a copy of what it has in
-    hand; the last of them has it saved, together with what is done. A worker may have gone on
-    meanwhile: those steps are taken once more if need be, and come to the same.
+    When a save is due, each worker that comes by leaves a copy of what it has in hand; the last of
+    them has it saved, together with what is done. A worker may have gone on meanwhile: after an
+    interruption those steps are taken once more, and come to the same.
 
     Args:
-        interruptions: say when.
-        save: takes the hands of all workers that have any. Where it raises an `OSError`, the work
+        interruptions: say when to save.
+        save: takes the hands of all workers that have any. If it raises an `OSError`, the work
             goes on, unless it is to end, and the next save is due an interval later.
     """
 
@@ -48,7 +48,7 @@ class HandsKeeper:
             self._save_all(hands)
 
     def finish(self) -> None:
-        """Nobody has anything in hand any more.
+        """Save once more if the work is to end, now that nothing is in hand any more.
 
         Raises:
             Interrupted: the work is to end, and is saved.

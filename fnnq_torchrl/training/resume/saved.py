@@ -3,40 +3,73 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
+from typing import Any
 
 import torch
+from torch import Tensor
 
-from fnnq_torchrl.config.schema import Config, ConfigError
+from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.files.plain import read_plain, write_plain
+from fnnq_torchrl.training.batch import Batch
 from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE, TRAINING
 from fnnq_torchrl.training.resume.keeper import Hand
 from fnnq_torchrl.training.resume.ledger import Ledger
-from fnnq_torchrl.training.trainer import Trainer
 
-FORMAT = 2
+FORMAT = 3
 
 # In what learning doesn't depend on; which engine it is tells the identity by itself.
 _NO_MATTER = (*ASIDE, "engine", *BATCHABLE)
 
 
 class SavedTraining:
-    """The file of a batch's training, in the directory of the batch's last job.
-
-    The last, because its own files are written when all the others' are: where one is missing, its
-    are too.
+    """The file of a batch's training, in the batch's directory.
 
     Args:
-        directory: for the file.
-        config: of the batch.
-        engine: that runs it: another's results would differ in the last bits.
+        batch: whose it is. Another engine's results would differ in the last bits.
     """
 
-    def __init__(self, directory: Path, config: Config, engine: str) -> None:
-        self.path = directory / TRAINING
-        shared = {key: of for key, of in asdict(config).items() if key not in _NO_MATTER}
-        identity = f"{torch.__version__} {engine} {shared!r}"
+    def __init__(self, batch: Batch) -> None:
+        self.path = batch.directory / TRAINING
+        settings = asdict(batch.config)
+        shared = {key: of for key, of in settings.items() if key not in _NO_MATTER}
+        identity = f"{torch.__version__} {batch.engine.name} {shared!r}"
         self._identity = hashlib.sha256(identity.encode()).hexdigest()
+        self._batch = batch
+        self._read: tuple[dict[str, Any], Tensor] | None = None
+
+    def read(self) -> None:
+        """Read the file, if there is one that is to be gone on from.
+
+        Raises:
+            ConfigError: it is of another configuration or PyTorch or of other runs, or damaged.
+            OSError: it can't be read.
+        """
+        if self._batch.config.resume == "never" or not self.path.exists():
+            return
+        try:
+            content = read_plain(self.path, FORMAT, "a saved training")
+        except ValueError as error:
+            raise ConfigError(f"{error}; resume=never begins anew") from error
+        rows = None
+        if content["identity"] == self._identity:
+            rows = self._batch.runs.rows_among(content["ledger"]["runs"].numpy())
+        if rows is None:
+            raise ConfigError(
+                f"{self.path} is of another configuration or PyTorch; "
+                "take another directory, or begin anew with resume=never"
+            )
+        self._read = content["ledger"], torch.from_numpy(rows)
+
+    def restore(self, ledger: Ledger) -> bool:
+        """Have a training go on from what was read.
+
+        Returns:
+            Whether there was anything.
+        """
+        read, self._read = self._read, None
+        if read is not None:
+            ledger.load_state_dict(*read)
+        return read is not None
 
     def save(self, ledger: Ledger, hands: Sequence[Hand]) -> None:
         """Write all that is done so far.
@@ -46,37 +79,6 @@ class SavedTraining:
         """
         content = {"identity": self._identity, "ledger": ledger.state_dict(hands)}
         write_plain(self.path, FORMAT, content)
-
-    def load(self, trainer: Trainer) -> bool:
-        """Have a trainer go on from the file.
-
-        Returns:
-            Whether there is one.
-
-        Raises:
-            ConfigError: it is that of another configuration or PyTorch or of other runs, or no
-                such file.
-            OSError: it can't be read.
-        """
-        if not self.path.exists():
-            return False
-        try:
-            content = read_plain(self.path, FORMAT, "a saved training")
-        except ValueError as error:
-            raise ConfigError(f"{error}; resume=never begins anew") from error
-        try:
-            same = content["identity"] == self._identity
-            loaded = same and trainer.ledger.load_state_dict(content["ledger"], trainer.begun)
-        except (AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
-            raise ConfigError(
-                f"{self.path} is not a complete saved training; resume=never begins anew"
-            ) from error
-        if not loaded:
-            raise ConfigError(
-                f"{self.path} is of another configuration or PyTorch; "
-                "take another directory, or begin anew with resume=never"
-            )
-        return True
 
     def discard(self) -> None:
         """Everything is finished."""

@@ -1,47 +1,55 @@
 """What every environment of this kind promises about seeds, episodes and resets."""
 
+from dataclasses import dataclass
+from math import inf
+
 import pytest
 import torch
-from tensordict import TensorDict, TensorDictBase
+from tensordict import TensorDictBase
 from torch import Tensor
-from torchrl.data import Binary, Composite, Unbounded
+from torchrl.data import Binary, Bounded, Categorical, Unbounded
 from torchrl.envs import check_env_specs
 
 from envs.core import streams
 from envs.core.pure import WHEN, PureEnv
 from envs.core.streams import Stream
+from envs.core.world import WorldConfig
+
+
+@dataclass
+class LotteryConfig(WorldConfig):
+    """No parameters of its own."""
+
+    @property
+    def observations(self):
+        return {"ticket": (-inf, inf)}
+
+    @property
+    def actions(self):
+        return 2
 
 
 class Lottery(PureEnv):
     """The least that there is to it: a ticket a step, and one in eight ends the episode."""
 
-    def __init__(self, batch_size=(), seed=0, dtype=torch.float64, device=None):
-        super().__init__(batch_size, seed, dtype, device)
-        shape = (*self.batch_size, 1)
-        spec = {"shape": shape, "device": self.device}
-        when = {key: Unbounded(dtype=torch.int64, **spec) for key in WHEN}
-        ticket = Unbounded(dtype=dtype, **spec)
-        self.state_spec = Composite(when, shape=self.batch_size)
-        self.observation_spec = Composite(when, ticket=ticket, shape=self.batch_size).clone()
-        self.action_spec = ticket.clone()
-        self.reward_spec = ticket.clone()
-        self.done_spec = Composite(
-            {key: Binary(1, dtype=torch.bool, **spec) for key in ("done", "terminated")},
-            shape=self.batch_size,
-        )
+    schema = LotteryConfig
 
-    def start(self, seed: Tensor, episode: Tensor) -> TensorDict:
+    def __init__(self, batch_size=(), seed=0, dtype=torch.float64, limit=1000):
+        super().__init__(LotteryConfig("lottery", limit), batch_size, seed=seed, dtype=dtype)
+
+    def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None):
         words = streams.draw(seed, episode, torch.zeros_like(episode), Stream.START)
-        ticket = streams.uniform(words[0], self.dtype)
-        when = {"seed": seed, "episode": episode, "step": torch.zeros_like(episode)}
-        return self.pack(when | {"ticket": ticket})
+        return {"ticket": streams.uniform(words[0], self.dtype)}
 
-    def _step(self, tensordict: TensorDictBase) -> TensorDict:
-        when = {key: tensordict[key] for key in WHEN}
-        when["step"] = when["step"] + 1
-        ticket = streams.uniform(streams.draw(*when.values(), Stream.STEP)[0], self.dtype)
-        end = {"terminated": ticket < 1 / 8, "done": ticket < 1 / 8}
-        return self.pack(when | end | {"ticket": ticket, "reward": ticket.clone()})
+    def transition(self, state, action: Tensor):
+        words = streams.draw(*(state[key] for key in WHEN), Stream.STEP)
+        ticket = streams.uniform(words[0], self.dtype)
+        return {
+            "ticket": ticket,
+            "reward": ticket + action,
+            "terminated": ticket < 1 / 8,
+            "success": ticket < 1 / 16,
+        }
 
 
 def play(env: PureEnv, steps: int) -> TensorDictBase:
@@ -64,7 +72,7 @@ def test_it_is_an_env(batch_size, break_when_any_done):
 
 
 def test_it_knows_of_no_fewest_steps():
-    assert Lottery().fewest_steps == 1
+    assert Lottery().world.fewest_steps == 1
 
 
 # -- seeds ----------------------------------------------------------------------------------------
@@ -138,17 +146,68 @@ def test_a_partial_reset_leaves_the_other_runs_alone():
 def test_restart_does_what_reset_does(batch_size):
     """TorchRL's loop, which branches on the data, and the loop that compiles: the same history."""
     env = Lottery(batch_size, seed=5)
-    history = play(env, 100)
+    history = env.rollout(100, break_when_any_done=False).exclude("next", "success")
     assert (history["episode"] > 2).any()
     state = env.start(history["seed"][..., 0, :], history["episode"][..., 0, :])
     for step in range(100):
-        assert (state == history[..., step]).all()
-        state = env.restart(env.step(state)["next"])
+        here = history[..., step]
+        assert (state == here.select(*state.keys())).all()
+        state = env.restart(env.step(state.set("action", here["action"]))["next"])
 
 
 def test_an_episode_starts_the_same_whatever_came_before():
-    history = play(Lottery([8]), 100)
+    history = play(Lottery([8]), 100).exclude("success")
     first = history[history["step"].squeeze(-1) == 0]
     assert len(first) > 50
     env = Lottery(first.batch_size)
-    assert (env.start(first["seed"], first["episode"]) == first).all()
+    start = env.start(first["seed"], first["episode"])
+    assert (start.select(*first.keys()) == first).all()
+
+
+# -- ends -----------------------------------------------------------------------------------------
+
+
+def test_an_end_and_a_cut_are_told_apart():
+    """Whoever learns bootstraps at the one and not at the other."""
+    history = Lottery([200], limit=5).rollout(40, break_when_any_done=False)["next"]
+    ended, cut = history["terminated"], history["truncated"]
+    assert (history["done"] == (ended | cut)).all()
+    assert not (ended & cut).any()
+    assert (history["step"][cut] == 5).all()
+    assert (history["step"] <= 5).all()
+    assert (ended == (history["ticket"] < 1 / 8)).all()
+    assert (history["success"] == (history["ticket"] < 1 / 16)).all()
+    assert cut.any()
+
+
+def test_a_world_that_says_nothing_of_success_has_none():
+    class Joyless(Lottery):
+        def transition(self, state, action):
+            after = super().transition(state, action)
+            del after["success"]
+            return after
+
+    history = Joyless([50]).rollout(40, break_when_any_done=False)
+    assert history["next", "terminated"].any()
+    assert not history["next", "success"].any()
+
+
+def test_a_world_without_random_bits_to_spare_has_a_chance_all_the_same():
+    chance = Lottery([500]).rollout(100, break_when_any_done=False)["chance"].flatten()
+    assert chance.min() >= 0
+    assert chance.max() < 1
+    assert len(chance.unique()) > 0.99 * len(chance)
+    assert abs(float(chance.mean()) - 0.5) < 0.01
+
+
+# -- specs ----------------------------------------------------------------------------------------
+
+
+def test_the_specs_are_what_the_configuration_offers():
+    env = Lottery([3])
+    assert isinstance(env.observation_spec["ticket"], Unbounded)
+    assert isinstance(env.observation_spec["chance"], Bounded)
+    assert isinstance(env.observation_spec["success"], Binary)
+    assert isinstance(env.action_spec, Categorical)
+    assert set(env.rand_action()["action"].flatten().tolist()) <= {0.0, 1.0}
+    assert env.seen == ["ticket"]

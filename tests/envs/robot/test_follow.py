@@ -23,7 +23,8 @@ from torchrl.envs import (
 )
 
 from envs.robot.follow import FollowBall
-from envs.robot.schemas import World
+from envs.robot.schemas import FollowBallConfig
+from envs.worlds import make_world
 from fnnq_torchrl.engine.lanes import LANES
 from tests.oracles.follow_ball import FollowBallTwin
 from tests.programs import in_lanes
@@ -66,13 +67,14 @@ ON_ONE_SIDE = {"start_side": "right", "other_view_rad": 0.2, "switch_side_after"
 
 @pytest.mark.parametrize("policy", ["wander", "follow"])
 @pytest.mark.parametrize("situations", [None, [(0.8, 0.1), (-3.0, -0.4), (0.0, 0.0)]])
-@pytest.mark.parametrize("side", [{}, ON_ONE_SIDE], ids=["both sides", "one side"])
-def test_it_equals_its_twin(policy, situations, side, world, request):
+@pytest.mark.parametrize("side", ["both sides", "one side"])
+def test_it_equals_its_twin(policy, situations, side, world, one_side, request):
     """Step by step, over several situations, in three runs whose seeds need more than a word."""
-    world = replace(world, **side)
+    if side == "one side":
+        world = replace(one_side, **ON_ONE_SIDE)
     seeds = torch.tensor([0, 2**32 - 1, 2**40 + 7])
     fixed = None if situations is None else torch.tensor(situations, dtype=torch.float64)
-    env = FollowBall(world, [3], situations=fixed, seed=seeds, dtype=torch.float64)
+    env = make_world(world, [3], situations=fixed, seed=seeds, dtype=torch.float64)
     history = play(env, request.getfixturevalue(policy), 250)
     assert (history["episode"][:, -1] >= 2).all()
     for run, seed in enumerate(seeds.tolist()):
@@ -81,7 +83,9 @@ def test_it_equals_its_twin(policy, situations, side, world, request):
             torch.testing.assert_close(history[run][key], values, rtol=0, atol=1e-10)
 
 
-def twin_history(world: World, seed: int, actions: Tensor, situation) -> dict[str, Tensor]:
+def twin_history(
+    world: FollowBallConfig, seed: int, actions: Tensor, situation
+) -> dict[str, Tensor]:
     """The same keys as in a rollout's, from the twin, for a run's actions ``[steps, 1]``."""
     twin = FollowBallTwin(world, seed, 0, situation)
     rows = []
@@ -108,8 +112,10 @@ def test_how_a_step_can_end(world):
     after = steer(FollowBall(near, [2], situations=ahead_and_behind), 0, 0)
     assert after["reward"].tolist() == [[1], [-0.5]]
     assert after["terminated"].tolist() == after["done"].tolist() == [[True], [True]]
+    assert after["success"].tolist() == [[True], [False]]
+    assert not after["truncated"].any()
     after = steer(FollowBall(world), 0)
-    assert [after[key].item() for key in ("reward", "terminated", "done")] == [0, False, False]
+    assert [after[key].item() for key in ("reward", "success", "terminated", "done")] == [0] * 4
 
 
 def test_a_situation_starts_at_the_origin_with_the_balls_own_start(world):
@@ -132,16 +138,20 @@ SIDES = {"left": 1, "right": -1}
     start_angle_rad=st.floats(0, 3),
 )
 def test_situations_on_one_side_are_those_on_both_mirrored(
-    side, switch_after, other_view_rad, start_angle_rad, world
+    side, switch_after, other_view_rad, start_angle_rad, one_side
 ):
-    world = replace(world, start_angle_rad=start_angle_rad, field_of_view_rad=1.5)
     on_one = replace(
-        world, start_side=side, switch_side_after=switch_after, other_view_rad=other_view_rad
+        one_side,
+        start_angle_rad=start_angle_rad,
+        field_of_view_rad=1.5,
+        start_side=side,
+        switch_side_after=switch_after,
+        other_view_rad=other_view_rad,
     )
     seed, episode = torch.arange(3).repeat(6), torch.arange(6).repeat_interleave(3)
     drawn, start = (
-        FollowBall(each, [18], dtype=torch.float64).start(seed.unsqueeze(-1), episode.unsqueeze(-1))
-        for each in (world, on_one)
+        make_world(each, [18], dtype=torch.float64).start(seed.unsqueeze(-1), episode.unsqueeze(-1))
+        for each in (on_one.tested, on_one)
     )
     sign = torch.full((18, 1), float(SIDES[side]))
     if switch_after:
@@ -152,11 +162,10 @@ def test_situations_on_one_side_are_those_on_both_mirrored(
     assert (sign * start["bearing"]).max() <= 1.5
 
 
-def test_on_both_sides_nothing_is_mirrored_or_hidden(world, wander):
-    on_one = replace(world, **ON_ONE_SIDE)
-    assert on_one.on_both_sides() == replace(world, other_view_rad=0.2)
-    whole, hidden = (play(FollowBall(each, [64]), wander, 60) for each in (world, on_one))
-    assert (play(FollowBall(on_one.on_both_sides(), [64]), wander, 60) == whole).all()
+def test_in_the_test_nothing_is_mirrored_or_hidden(world, one_side, wander):
+    on_one = replace(one_side, **ON_ONE_SIDE)
+    assert on_one.tested == world
+    whole, hidden = (play(make_world(each, [64]), wander, 60) for each in (world, on_one))
     assert whole["bearing"].min() == -1
     first = hidden["episode"] < 1
     assert hidden["bearing"][first].max() == torch.tensor(0.2)
@@ -194,7 +203,7 @@ def test_no_situation_ends_in_fewer_steps(world):
     """Not even for a robot that sees without noise and always drives straight at the ball."""
     env = FollowBall(replace(world, bearing_noise_rad=0.0), [4096])
     state = env.reset()
-    for _ in range(env.fewest_steps - 1):
+    for _ in range(env.world.fewest_steps - 1):
         action = (-5 * state["bearing"]).clamp(-1, 1)
         state = env.step(state.set("action", action))["next"]
         assert not state["done"].any()
@@ -221,7 +230,7 @@ def test_the_fewest_steps_are_almost_reached(radius_m, catch_m, stride_m, fewest
         time_step_s=1.0,
     )
     env = FollowBall(ahead, situations=torch.zeros(2), dtype=torch.float64)
-    assert env.fewest_steps == fewest
+    assert env.world.fewest_steps == fewest
     steps = len(env.rollout(ahead.time_limit_steps, straight))
     assert fewest <= steps <= fewest + 1
 

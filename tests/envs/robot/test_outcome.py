@@ -38,14 +38,15 @@ def test_reward_and_end(east_m, north_m, step, reward, terminated, dtype):
     if dtype == torch.float32 and east_m == math.nextafter(0.25, 0):
         east_m = 0.25 - 2**-26
     way = torch.tensor([[east_m], [north_m]], dtype=dtype)
-    paid, ended = outcome.judge(*way, torch.tensor([step]), **RULES)
+    paid, ended, caught = outcome.judge(*way, torch.tensor([step]), **RULES)
     assert (paid.tolist(), ended.tolist()) == ([reward], [terminated])
-    assert (paid.dtype, ended.dtype) == (dtype, torch.bool)
+    assert caught.tolist() == [reward == RULES["catch_reward"]]
+    assert (paid.dtype, ended.dtype, caught.dtype) == (dtype, torch.bool, torch.bool)
 
 
 def test_what_an_end_pays_is_free_to_choose():
     rules = RULES | {"catch_reward": 7.0, "miss_reward": 0.0, "time_limit_steps": 3}
     east_m = torch.tensor([FAR, NEAR, FAR])
-    paid, ended = outcome.judge(east_m, torch.zeros(3), torch.tensor([3, 3, 2]), **rules)
+    paid, ended, _ = outcome.judge(east_m, torch.zeros(3), torch.tensor([3, 3, 2]), **rules)
     assert paid.tolist() == [0, 7, 0]
     assert ended.tolist() == [True, True, False]

@@ -2,25 +2,20 @@
 
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import ClassVar
 
 import pytest
 
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.loggers import Loggers
-from fnnq_torchrl.training.loggers import guarded as guarded_module
+from fnnq_torchrl.training.loggers.registry import LOGGERS
 from tests.commands import fnnq_train
 from tests.programs import SMALL_WORLD
 
 QUICK = (*SMALL_WORLD, "situations=5", "engine=eager")
 FILES = ("checkpoint.pt", "evaluations.csv", "learning_curve.png", "summary.json")
-
-
-@pytest.fixture(autouse=True)
-def none_left_out() -> None:
-    Loggers.forget()
 
 
 class Recording:
@@ -32,28 +27,28 @@ class Recording:
     def __init__(self, name: str) -> None:
         self._name = name
 
-    def foresee(self, jobs) -> None:
-        self._take_down(f"foresees {len(jobs)}")
+    def prepare(self, jobs) -> None:
+        self._take_down(f"begins {len(jobs)}")
 
     def log_job(self, job) -> None:
         self._take_down(f"{job.name} of {job.group}: {job.evaluations.runs} runs")
 
     def log_sweep(self, sweep) -> None:
-        self._take_down(f"sweep of {sweep.jobs}, {[path.name for path in sweep.pictures]}")
+        self._take_down(f"{sweep.name}, {[path.name for path in sweep.pictures]}")
+
+    def close(self) -> None:
+        self._take_down("closes")
 
     def _take_down(self, line: str) -> None:
         self.log.append(f"{self._name} {line}")
-        if self._name in self.fails and "foresees" not in line:
+        if self._name in self.fails and "begins" not in line:
             raise OSError(28, "No space left on device")
 
 
 @pytest.fixture
 def recording(monkeypatch: pytest.MonkeyPatch) -> type[Recording]:
-    def module(path: str, package: str) -> SimpleNamespace:
-        name = path.removeprefix(".")
-        return SimpleNamespace(**{f"{name.capitalize()}Logger": lambda settings: Recording(name)})
-
-    monkeypatch.setattr(guarded_module, "import_module", module)
+    for name in LOGGERS:
+        monkeypatch.setitem(LOGGERS, name, lambda settings, name=name: Recording(name))
     monkeypatch.setattr(Recording, "log", [])
     return Recording
 
@@ -67,8 +62,8 @@ def test_each_job_of_a_batch_is_logged_and_then_the_sweep(
     sweep = tmp_path / "sweep"
     command = (*SWEEP, "logger=[wandb,mlflow]", f"hydra.sweep.dir={sweep}", "-m")
     assert fnnq_train(*command) == 0
-    of_each = ["foresees 2", "sweep/0 of sweep: 2 runs", "sweep/1 of sweep: 2 runs"]
-    of_each.append("sweep of 2, ['learning_curves.png']")
+    of_each = ["begins 2", "sweep/0 of sweep: 2 runs", "sweep/1 of sweep: 2 runs"]
+    of_each += ["sweep: 2 jobs, ['learning_curves.png']", "closes"]
     assert recording.log == [f"{name} {line}" for line in of_each for name in ("wandb", "mlflow")]
 
     # With other loggers it is the same sweep, which is finished: there is nothing new to log.
@@ -86,8 +81,8 @@ def test_a_logger_that_fails_is_told_of_once_and_left_out(
     monkeypatch.setattr(recording, "fails", ("wandb",))
     command = (*SWEEP, "logger=[wandb,mlflow]", f"hydra.sweep.dir={tmp_path}", "-m")
     assert fnnq_train(*command) == 0
-    assert sum(line.startswith("mlflow") for line in recording.log) == 4
-    assert sum(line.startswith("wandb") for line in recording.log) == 2
+    assert sum(line.startswith("mlflow") for line in recording.log) == 5
+    assert sum(line.startswith("wandb") for line in recording.log) == 3
     told = [line for line in capfd.readouterr().err.splitlines() if "going on without" in line]
     assert told == ["going on without wandb, which has failed: [Errno 28] No space left on device"]
     for job in ("0", "1"):
@@ -99,8 +94,8 @@ def test_a_sweep_of_several_launches_is_logged_once(
 ) -> None:
     sweep = (f"hydra.sweep.dir={tmp_path / 'sweep'}", "hydra.sweeper.max_batch_size=1", "-m")
     assert fnnq_train(*SWEEP, "logger=mlflow", *sweep) == 0
-    of_each = [line for job in (0, 1) for line in ("foresees 1", f"sweep/{job} of sweep: 2 runs")]
-    of_each.append("sweep of 2, ['learning_curves.png']")
+    of_each = [line for job in (0, 1) for line in ("begins 1", f"sweep/{job} of sweep: 2 runs")]
+    of_each += ["sweep: 2 jobs, ['learning_curves.png']", "closes"]
     assert recording.log == [f"mlflow {line}" for line in of_each]
 
 
@@ -127,7 +122,7 @@ def test_results_are_the_same_whoever_logs_them(
     for name, choice in {"without": "csv", "with": "[wandb,mlflow]"}.items():
         arguments = (f"logger={choice}", f"hydra.run.dir={tmp_path / name}")
         assert fnnq_train(*QUICK, "num_seeds=2", *arguments) == 0
-    assert len(recording.log) == 4
+    assert len(recording.log) == 6
     for file in FILES[:3]:
         one, other = ((tmp_path / name / file).read_bytes() for name in ("without", "with"))
         assert one == other
@@ -145,10 +140,12 @@ def test_a_missing_library_is_one_line_before_training(
     assert not (tmp_path / "evaluations.csv").exists()
 
 
-def test_who_chooses_no_logger_needs_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_chooses_no_logger_needs_no_library(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     for name in ("wandb", "tensorboard", "mlflow"):
         monkeypatch.setitem(sys.modules, f"fnnq_torchrl.training.loggers.{name}", None)
-    Loggers(load_config().logger)
+    Loggers().prepare([Job(load_config(), tmp_path)])
 
 
 def test_csv_has_nothing_to_set_and_is_always_there() -> None:

@@ -14,7 +14,6 @@ from tests.job_files import keys_read, write_job
 def test_jobs_and_their_sweep_are_in_one_database(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    Loggers.forget()
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     monkeypatch.chdir(tmp_path)
     chosen = ("logger=mlflow", "logger.mlflow.experiment=ball")
@@ -25,9 +24,10 @@ def test_jobs_and_their_sweep_are_in_one_database(
     read = keys_read(MlflowConfig, monkeypatch)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # MLflow still uses what SQLAlchemy has deprecated
-        loggers = Loggers(many.config.logger)
-        loggers.log_jobs([many, one])
-        loggers.log_sweep(SweepResults(sweep, jobs=2))
+        loggers = Loggers()
+        for job in (many, one):
+            loggers.log_job(job)
+        loggers.log_sweep(SweepResults(sweep, [many, one]))
         assert not loggers.left_out
         assert read == MlflowConfig.__dataclass_fields__.keys()
         from mlflow.tracking import MlflowClient
@@ -48,10 +48,10 @@ def test_jobs_and_their_sweep_are_in_one_database(
             assert history("sweep/0", name) == list(zip(situations, column.tolist(), strict=True))
         assert history("sweep/1", "score_low") == []
 
-    job = runs["sweep/1"]
-    assert (job.info.status, job.data.tags["group"]) == ("FINISHED", "sweep")
-    assert (job.data.params["lam"], job.data.params["env.speed_mps"]) == ("0.4", "0.3")
-    assert job.data.metrics["final_score"] == JobResults(one).summary["final_score"]
+    run = runs["sweep/1"]
+    assert (run.info.status, run.data.tags["group"]) == ("FINISHED", "sweep")
+    assert (run.data.params["lam"], run.data.params["env.speed_mps"]) == ("0.4", "0.3")
+    assert run.data.metrics["final_score"] == JobResults(one).summary["final_score"]
     files = {path.name for path in (sweep / "mlartifacts").rglob("*") if path.is_file()}
     assert files == {"learning_curve.png", "evaluations.csv", "summary.json", "summary.csv"}
     assert [path.name for path in tmp_path.iterdir()] == ["sweep"]
@@ -60,15 +60,14 @@ def test_jobs_and_their_sweep_are_in_one_database(
 def test_a_server_that_is_gone_is_told_of_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    Loggers.forget()
     monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
     nobody = "logger.mlflow.tracking_uri=http://127.0.0.1:9"
     job = write_job(tmp_path, "num_seeds=2", "logger=mlflow", nobody)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        loggers = Loggers(job.config.logger)
-        loggers.log_jobs([job, job])
+        loggers = Loggers()
+        loggers.log_job(job)
+        loggers.log_job(job)
     assert loggers.left_out == {"mlflow"}
     [line] = capfd.readouterr().err.splitlines()
     assert line.startswith("going on without mlflow, which has failed: API request to http://127")
-    Loggers.forget()

@@ -4,7 +4,6 @@ import io
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -18,17 +17,12 @@ def read(directory: Path) -> EventAccumulator:
     return events.Reload()
 
 
-@pytest.fixture(autouse=True)
-def none_left_out() -> None:
-    Loggers.forget()
-
-
 def test_a_job_has_its_curve_band_histograms_and_pictures(tmp_path: Path) -> None:
     job = write_job(
         tmp_path, "num_seeds=22", "logger=tensorboard", "logger.tensorboard.directory=events"
     )
-    loggers = Loggers(job.config.logger)
-    loggers.log_jobs([job])
+    loggers = Loggers()
+    loggers.log_job(job)
     assert not loggers.left_out
 
     events, evaluations = read(tmp_path / "events"), JobResults(job).evaluations
@@ -58,6 +52,6 @@ def test_a_job_has_its_curve_band_histograms_and_pictures(tmp_path: Path) -> Non
 
 def test_a_sweep_has_its_picture(tmp_path: Path) -> None:
     job = write_job(tmp_path, "logger=tensorboard")
-    Loggers(job.config.logger).log_sweep(SweepResults(tmp_path, jobs=3))
+    Loggers().log_sweep(SweepResults(tmp_path, [job] * 3))
     [picture] = read(tmp_path / "tensorboard").Images("learning_curve")
     assert picture.step == 3

@@ -1,12 +1,14 @@
-"""What the ``.wandb`` file of an offline run holds."""
+"""The content of the ``.wandb`` files that wandb writes of offline runs."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from wandb.proto.wandb_internal_pb2 import Record
 
-from fnnq_torchrl.training.loggers.wandb_file import records
+_HEADER, _BLOCK, _OF_RECORD = 7, 32768, 7
+_FULL, _LAST = 1, 4
 
 
 class WandbRun(NamedTuple):
@@ -30,7 +32,7 @@ def read_wandb_runs(directory: Path) -> list[WandbRun]:
 
 def read_wandb_run(path: Path) -> WandbRun:
     run, history, summary, files, exit_code = None, [], {}, set(), None
-    for record in map(Record.FromString, records(path)):
+    for record in _records(path):
         kind = record.WhichOneof("record_type")
         if kind == "run":
             run = record.run
@@ -50,3 +52,24 @@ def read_wandb_run(path: Path) -> WandbRun:
 
 def _values(items: Any) -> dict[str, Any]:
     return {item.key or ".".join(item.nested_key): json.loads(item.value_json) for item in items}
+
+
+def _records(path: Path) -> Iterator[Record]:
+    """The records of a LevelDB log after a header of 7 bytes.
+
+    https://github.com/google/leveldb/blob/main/doc/log_format.md
+    """
+    content = path.read_bytes()
+    place, parts = _HEADER, b""
+    while place + _OF_RECORD <= len(content):
+        if _BLOCK - place % _BLOCK < _OF_RECORD:  # the end of a block has no room for a record
+            place += _BLOCK - place % _BLOCK
+            continue
+        size = int.from_bytes(content[place + 4 : place + 6], "little")
+        kind = content[place + 6]
+        place += _OF_RECORD
+        parts += content[place : place + size]
+        place += size
+        if kind in (_FULL, _LAST):
+            yield Record.FromString(parts)
+            parts = b""

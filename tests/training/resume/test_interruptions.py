@@ -12,6 +12,8 @@ from tensordict import TensorDict
 from fnnq_torchrl.training.resume.interruptions import Interrupted, Interruptions, Lost
 from fnnq_torchrl.training.resume.keeper import HandsKeeper
 
+pytestmark = pytest.mark.usefixtures("usual_signals")
+
 FULL = OSError(errno.ENOSPC, "No space left on device", "training.pt")
 
 
@@ -124,29 +126,32 @@ def test_the_second_order_is_obeyed_at_once() -> None:
 
 def test_signals_are_what_they_were_before() -> None:
     before = [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)]
-    with Interruptions(1e9) as work:
+    with Interruptions(1e9):
         assert signal.getsignal(signal.SIGTERM) != before[0]
-        with work.watched():
-            assert Interruptions.current is work
-        assert Interruptions.current is None
     assert [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)] == before
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_an_order_that_the_process_was_started_to_ignore_stays_ignored(name: str) -> None:
+    signal.signal(getattr(signal, name), signal.SIG_IGN)
+    with Interruptions(1e9) as work:
+        os.kill(os.getpid(), getattr(signal, name))
+        assert not work.due()
 
 
 def test_signals_that_somebody_answers_are_theirs() -> None:
     heard: list[int] = []
-    before = signal.signal(signal.SIGUSR2, lambda number, frame: heard.append(number))
-    try:
-        with Interruptions(1e9) as work:
-            os.kill(os.getpid(), signal.SIGUSR2)
-            assert not work.due()
-    finally:
-        signal.signal(signal.SIGUSR2, before)
+    signal.signal(signal.SIGUSR2, lambda number, frame: heard.append(number))
+    with Interruptions(1e9) as work:
+        os.kill(os.getpid(), signal.SIGUSR2)
+        assert not work.due()
     assert heard == [signal.SIGUSR2]
 
 
 @pytest.mark.parametrize("well", [True, False])
 def test_whoever_asks_is_told_whether_it_is_saved(well: bool) -> None:
     with Interruptions(1e9) as work:
+        assert not work.save_now(timeout_s=10)  # nothing is at work yet
 
         def save_when_due() -> None:
             while not work.due():
@@ -154,7 +159,8 @@ def test_whoever_asks_is_told_whether_it_is_saved(well: bool) -> None:
             work.saved() if well else work.failed(FULL)
 
         thread = threading.Thread(target=save_when_due)
-        thread.start()
-        assert work.save_now(timeout_s=10) == well
-        thread.join()
-        assert not work.save_now(timeout_s=0)
+        with work.watched():
+            thread.start()
+            assert work.save_now(timeout_s=10) == well
+            thread.join()
+            assert not work.save_now(timeout_s=0)

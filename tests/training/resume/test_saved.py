@@ -14,10 +14,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tensordict import TensorDictBase
 
-from fnnq_torchrl.config.schema import Config, ConfigError, run_columns
+from fnnq_torchrl.config.runs import Runs
+from fnnq_torchrl.config.schema import Config, ConfigError
+from fnnq_torchrl.engine.choice import make_engine
 from fnnq_torchrl.engine.loops import Loop, MakeLoop, MakeStep
 from fnnq_torchrl.files import plain
 from fnnq_torchrl.files.plain import read_plain
+from fnnq_torchrl.training.batch import Batch
+from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.resume.interruptions import Interrupted, Interruptions
 from fnnq_torchrl.training.resume.keeper import HandsKeeper
@@ -25,6 +29,7 @@ from fnnq_torchrl.training.resume.saved import FORMAT, SavedTraining
 from fnnq_torchrl.training.trainer import Trainer
 from tests.programs import config
 
+CPU = torch.device("cpu")
 RUNS = 70
 JOB = config(f"num_seeds={RUNS}", "situations=20", "engine=compiled")
 
@@ -54,9 +59,15 @@ def loop_of(engine: MakeLoop, *keys: str) -> list[Loop]:
     return []
 
 
-def make_trainer(job: Config, columns: dict[str, list[float]] | None = None) -> Trainer:
+def batch_of(job: Config, directory: Path, engine: str = "compiled") -> Batch:
+    batch = Batch([Job(job, directory)])
+    batch.engine = make_engine(engine, CPU)
+    return batch
+
+
+def make_trainer(job: Config) -> Trainer:
     """On few lanes, so that runs take turns; what was compiled before isn't again."""
-    trainer = Trainer(job, columns)
+    trainer = Trainer(job, Runs.of([job]), make_engine("compiled", CPU))
     make_loop = trainer.engine.make_loop
 
     def make_once(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
@@ -71,8 +82,9 @@ def make_trainer(job: Config, columns: dict[str, list[float]] | None = None) -> 
 
 def go_on(trainer: Trainer, directory: Path, stop_at: int) -> Outcome | None:
     """From where it was saved to its end or, if it is interrupted at that visit, to there: None."""
-    saved = SavedTraining(directory, trainer.config, trainer.engine.name)
-    saved.load(trainer)
+    saved = SavedTraining(batch_of(trainer.config, directory))
+    saved.read()
+    saved.restore(trainer.ledger)
     keeper = HandsKeeper(Stop(stop_at), partial(saved.save, trainer.ledger))
     try:
         trainer.learn(keeper=keeper)
@@ -81,6 +93,12 @@ def go_on(trainer: Trainer, directory: Path, stop_at: int) -> Outcome | None:
     except Interrupted:
         return None
     return outcome
+
+
+def restored(batch: Batch, trainer: Trainer) -> bool:
+    saved = SavedTraining(batch)
+    saved.read()
+    return saved.restore(trainer.ledger)
 
 
 NEVER = 10**9
@@ -115,7 +133,7 @@ def test_nothing_that_is_done_is_done_again(tmp_path: Path, uninterrupted) -> No
     first = make_trainer(JOB)
     assert go_on(first, tmp_path, stop_at=6) is None
     again = make_trainer(JOB)
-    assert SavedTraining(tmp_path, JOB, "compiled").load(again)
+    assert restored(batch_of(JOB, tmp_path), again)
     learned = again.ledger.learned
     assert 0 < int(learned.sum()) < RUNS * JOB.situations
     assert (learned <= first.ledger.learned).all()  # the other worker was amid its steps
@@ -158,9 +176,9 @@ def test_what_nobody_has_gone_on_with_yet_stays_saved(
 def test_a_part_of_the_runs_can_go_on_alone(tmp_path: Path, uninterrupted) -> None:
     assert go_on(make_trainer(JOB), tmp_path, stop_at=9) is None
     runs = slice(30, 60)
-    part = replace(JOB, num_seeds=30)
-    trainer = make_trainer(part, {key: of[runs] for key, of in run_columns(JOB).items()})
-    assert SavedTraining(tmp_path, part, "compiled").load(trainer)
+    part = replace(JOB, seed=30, num_seeds=30)
+    trainer = make_trainer(part)
+    assert restored(batch_of(part, tmp_path), trainer)
     assert trainer.ledger.learned.any()
     trainer.learn()
     assert_same(trainer.evaluate(), trainer, uninterrupted, runs)
@@ -168,8 +186,8 @@ def test_a_part_of_the_runs_can_go_on_alone(tmp_path: Path, uninterrupted) -> No
 
 @pytest.fixture
 def saved(tmp_path: Path, compiler: None) -> Path:
-    trainer = Trainer(JOB)
-    training = SavedTraining(tmp_path, JOB, trainer.engine.name)
+    trainer = make_trainer(JOB)
+    training = SavedTraining(batch_of(JOB, tmp_path))
     training.save(trainer.ledger, [])
     return training.path
 
@@ -187,12 +205,10 @@ def saved(tmp_path: Path, compiler: None) -> Path:
     ids=["trace", "situations", "engine", "more runs", "seeds", "lam"],
 )
 def test_another_trainings_file_is_refused(saved: Path, job: Config, engine: str) -> None:
-    trainer = Trainer(job)
     with pytest.raises(ConfigError, match=r"another configuration.*; .*resume=never") as refused:
-        SavedTraining(saved.parent, job, engine).load(trainer)
+        SavedTraining(batch_of(job, saved.parent, engine)).read()
     assert len(str(refused.value).splitlines()) == 1
     assert str(refused.value).count("resume=never") == 1
-    assert not trainer.ledger.learned.any()
 
 
 @pytest.mark.parametrize(
@@ -201,13 +217,13 @@ def test_another_trainings_file_is_refused(saved: Path, job: Config, engine: str
     ids=["resume", "checkpoint"],
 )
 def test_what_learning_does_not_depend_on_does_not_matter(saved: Path, job: Config) -> None:
-    assert SavedTraining(saved.parent, job, "compiled").load(Trainer(job))
+    assert restored(batch_of(job, saved.parent), make_trainer(job)) == (job.resume == "auto")
 
 
 def test_another_pytorchs_file_is_refused(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch, "__version__", "0.4")
     with pytest.raises(ConfigError, match=r"or PyTorch; .*resume=never"):
-        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB))
+        SavedTraining(batch_of(JOB, saved.parent)).read()
 
 
 DAMAGE: dict[str, Callable[[bytes], bytes]] = {
@@ -224,7 +240,7 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
 def test_a_damaged_file_is_told_in_one_line(saved: Path, damage: str) -> None:
     saved.write_bytes(DAMAGE[damage](saved.read_bytes()))
     with pytest.raises(ConfigError, match=r"training\.pt is not .*resume=never") as refused:
-        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB))
+        SavedTraining(batch_of(JOB, saved.parent)).read()
     assert len(str(refused.value).splitlines()) == 1
 
 
@@ -233,9 +249,9 @@ def test_a_file_that_would_run_code_is_refused(saved: Path) -> None:
         def __reduce__(self):
             return (pytest.fail, ("ran code",))
 
-    torch.save({"format": 1, "identity": "", "ledger": Code()}, saved)
+    torch.save({"format": FORMAT, "identity": "", "ledger": Code()}, saved)
     with pytest.raises(ConfigError, match="is not a saved training"):
-        SavedTraining(saved.parent, JOB, "compiled").load(Trainer(JOB))
+        SavedTraining(batch_of(JOB, saved.parent)).read()
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a full disk")

@@ -3,7 +3,7 @@ import torch
 from tensordict import TensorDict
 
 from fnnq_torchrl.training.resume.snapshots import SnapshotBook
-from tests.programs import advance, config, make_program, make_runs
+from tests.programs import advance, config, make_learner, make_runs
 
 RUNS, EVALUATIONS = 9, 4
 
@@ -12,17 +12,17 @@ RUNS, EVALUATIONS = 9, 4
 def test_every_page_has_the_weights_right_at_that_moment() -> None:
     settings = config("evaluation.every=2", "situations=6")
     run = make_runs(settings, RUNS, lam=torch.linspace(0, 1, RUNS))
-    program = make_program(settings, run)
-    state = program.begin(run)
+    learner = make_learner(settings, run)
+    state = learner.begin(run)
     book = SnapshotBook(state["weights"], every=2, evaluations=EVALUATIONS)
     numbers = torch.randperm(RUNS, generator=torch.Generator().manual_seed(0))  # of the lanes
-    chunk = 2 * program.env.fewest_steps
+    chunk = 2 * learner.env.world.fewest_steps
 
     weights = {(0, i): state["weights", "weight"][i] for i in range(RUNS)}
     steps = {(0, i): 0 for i in range(RUNS)}
     while state["situations"].min() < 8:  # they go on after their last evaluation
         for _ in range(chunk):
-            state = program.step(run, state)
+            state = learner.step(run, state)
             for i in range(RUNS):
                 situations = int(state["situations"][i])
                 if situations % 2 == 0 and (situations // 2, i) not in weights:
@@ -94,10 +94,10 @@ def assert_pages(book: SnapshotBook, numbers: list[list[float]]) -> None:
 def test_a_snapshot_waits_until_the_next_is_due(every: int) -> None:
     settings = config(f"evaluation.every={every}", f"situations={every}")
     run = make_runs(settings, RUNS)
-    program = make_program(settings, run)
-    state = advance(program, run, 0)
+    learner = make_learner(settings, run)
+    state = advance(learner, run, 0)
     for _ in range(80):
-        before, state = state, program.step(run, state)
+        before, state = state, learner.step(run, state)
         ended = (state["situations"] > before["situations"]).squeeze(-1)
         due = ended & (state["situations"].squeeze(-1) % every == 0)
         snapshot, now = state["snapshot", "weights", "weight"], state["weights", "weight"]

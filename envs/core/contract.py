@@ -1,0 +1,50 @@
+"""What a world must be to train, looked at once and told in one line."""
+
+from collections.abc import Iterable
+
+import torch
+from tensordict import TensorDictBase
+
+from envs.core.parameters import ConfigError
+from envs.core.pure import PureEnv
+
+
+def check_world(env: PureEnv) -> None:
+    """Take a step in a world, and refuse the world if something of it is missing or misshapen.
+
+    Args:
+        env: any, with at least two runs.
+
+    Raises:
+        ConfigError: its first step fails, or an entry is missing or has another shape or dtype than
+            its spec.
+    """
+    with torch.no_grad():
+        try:
+            start = env.reset()
+            after = env._step(env.rand_action(start))  # as it is: TorchRL's own step would mend it
+            again = env.restart(after)
+        except Exception as error:  # the world's own code may raise anything
+            reason = " ".join(f"{type(error).__name__} {error}".split())
+            raise ConfigError(
+                f"env.kind={env.world.kind}: its first step fails: {reason}"
+            ) from error
+    specs = {**env.observation_spec, **env.done_spec, "reward": env.reward_spec}
+    carried = [key for key in env.observation_spec if key != "success"]
+    for state, keys, when in (
+        (start, carried, "after a reset"),
+        (after, [*specs], "after a step"),
+        (again, carried, "after a restart"),
+    ):
+        _check(env, state, keys, when)
+
+
+def _check(env: PureEnv, state: TensorDictBase, keys: Iterable[str], when: str) -> None:
+    specs = {**env.observation_spec, **env.done_spec, "reward": env.reward_spec}
+    for key in keys:
+        wanted = f"{specs[key].dtype} {list(specs[key].shape)}"
+        entry = state.get(key, None)
+        found = "not there" if entry is None else f"{entry.dtype} {list(entry.shape)}"
+        if found != wanted:
+            line = f"{when} {key} is {found}, and must be {wanted}"
+            raise ConfigError(f"env.kind={env.world.kind}: {line}")

@@ -1,0 +1,43 @@
+"""The same task where situations begin on one side of straight ahead, and later on the other."""
+
+from torch import Tensor
+
+from envs.core.streams import Words
+from envs.robot.follow import FollowBall
+from envs.robot.schemas import FollowOneSideConfig
+
+
+class FollowOneSide(FollowBall):
+    """:class:`envs.robot.follow.FollowBall` with the ball on one side, and a head that looks there.
+
+    What would start on the other side starts at its mirror image. To the other side the head sees
+    no farther than ``other_view_rad``.
+
+    Arguments: as :class:`envs.core.pure.PureEnv`.
+    """
+
+    schema = FollowOneSideConfig
+    world: FollowOneSideConfig
+
+    def _draw_ball(self, words: Words, episode: Tensor) -> tuple[Tensor, Tensor]:
+        angle_rad, speed_radps = super()._draw_ball(words, episode)
+        return self._side(episode) * angle_rad.abs(), speed_radps
+
+    def _look(
+        self,
+        direction_rad: Tensor,
+        heading_rad: Tensor | float,
+        noise_words: tuple[Tensor, Tensor],
+        episode: Tensor,
+    ) -> Tensor:
+        seen_rad = super()._look(direction_rad, heading_rad, noise_words, episode)
+        side = self._side(episode)
+        return side * (side * seen_rad).clamp(min=-self.world.other_view_rad)
+
+    def _side(self, episode: Tensor) -> Tensor | float:
+        """Return 1 where the ball starts on the left, with positive angles, and −1 on the right."""
+        first = 1.0 if self.world.start_side == "left" else -1.0
+        if not self.world.switch_side_after:
+            return first
+        switched = (episode >= self.world.switch_side_after).to(self.dtype)
+        return first * (1 - 2 * switched)

@@ -1,0 +1,31 @@
+"""Our worlds by their kinds, as :mod:`envs.schemas` has their schemas."""
+
+from typing import Any
+
+from envs.core.parameters import ConfigError
+from envs.core.pure import PureEnv
+from envs.core.registry import class_of
+from envs.core.world import WorldConfig
+from envs.robot.follow import FollowBall
+from envs.robot.one_side import FollowOneSide
+
+WORLDS: dict[str, type[PureEnv]] = {
+    "follow_ball": FollowBall,
+    "follow_one_side": FollowOneSide,
+}
+
+
+def make_world(config: WorldConfig, *args: Any, **settings: Any) -> PureEnv:
+    """Make the environment that a configuration describes.
+
+    Args:
+        config: of one of `WORLDS`, or of a user's own, whose kind is ``module:Class``.
+        *args, **settings: further arguments of :class:`envs.core.pure.PureEnv`.
+
+    Raises:
+        ConfigError: the class of a user's own isn't a :class:`envs.core.pure.PureEnv`.
+    """
+    world = class_of(config.kind, WORLDS)
+    if not issubclass(world, PureEnv):
+        raise ConfigError(f"env.kind={config.kind}: must be a subclass of envs.PureEnv")
+    return world(config, *args, **settings)

@@ -1,0 +1,28 @@
+"""The actions among which the best is sought."""
+
+import torch
+from torch import Tensor
+
+from fnnq_torchrl.config.schema import Config
+
+
+def make_candidates(
+    config: Config,
+    dtype: torch.dtype = torch.float32,
+    device: torch.device | str | None = None,
+) -> Tensor:
+    """Return the candidate actions: evenly spaced in the world's range, or all of its fixed set.
+
+    Args:
+        config: says which world it is, and how many candidates.
+        dtype, device: of the result.
+
+    Returns:
+        ``[candidates]``, rising.
+    """
+    actions = config.env.actions
+    if isinstance(actions, int):
+        return torch.arange(actions, dtype=dtype, device=device)
+    low, high = actions
+    count = config.action.candidates
+    return torch.linspace(low, high, count, dtype=dtype, device=device)

@@ -1,0 +1,115 @@
+"""The update of Q(λ): one for users' own loops and for the learning step. The runs come first."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from fnnq_torchrl.agent.loss import PengQLambdaLoss
+from fnnq_torchrl.equations.exploration import is_greedy
+from fnnq_torchrl.equations.layout import per_run, runs_first, runs_last
+from fnnq_torchrl.equations.q_lambda import Rule
+
+Weights = Mapping[str, Tensor]
+"""Tensors by the names of a network's parameters, each with the runs first."""
+
+
+class Updated(NamedTuple):
+    """What a step comes to.
+
+    Attributes:
+        direction: Δw, to be multiplied by the step size α, by name ``[runs, *weights]``.
+        trace: e after the step, by name.
+    """
+
+    direction: dict[str, Tensor]
+    trace: dict[str, Tensor]
+
+
+class Update:
+    """Steps f to h of the paper's Table 1 for the weights of a network.
+
+    Args:
+        loss: whose keys the entries of transitions and losses have.
+        rule: which Q(λ) it is.
+    """
+
+    def __init__(self, loss: PengQLambdaLoss, rule: Rule) -> None:
+        self.rule = rule
+        self._keys, self._candidates = loss.tensor_keys, loss.value_network.candidates
+
+    def start(self, weights: Weights) -> dict[str, Tensor]:
+        """Return the trace before the first step.
+
+        Args:
+            weights: each ``[runs, *weights]``.
+        """
+        return {
+            name: runs_first(self.rule.trace.start(runs_last(w))) for name, w in weights.items()
+        }
+
+    def update(
+        self,
+        transition: TensorDictBase,
+        losses: Mapping[str, Tensor],
+        gradient: Weights,
+        trace: Weights,
+        decay: Tensor,
+    ) -> Updated:
+        """Return the direction of a step, and the trace after it.
+
+        Args:
+            transition: a step of every run, ``[runs]``, with ``"next"``.
+            losses: what the loss has of it: δ and δ′, each ``[runs, 1]``.
+            gradient: ∇Q(s, a), each ``[runs, *weights]``.
+            trace: e before the step.
+            decay: γλ, ``[runs, 1]`` or one number.
+        """
+        keys, done = self._keys, transition["next", self._keys.done]
+        td_error = losses[keys.td_error]
+        credited = self.rule.update(
+            _runs_last(trace, gradient),
+            _runs_last(gradient, gradient),
+            per_run(td_error),
+            per_run(losses[keys.chosen_td_error]),
+            per_run(decay),
+            self._greedy(transition),
+            per_run(done).logical_not().to(td_error.dtype),
+        )
+        direction, after = {}, {}
+        for name, (one, other) in zip(gradient, credited, strict=True):
+            direction[name], after[name] = runs_first(one), runs_first(other)
+        return Updated(direction, after)
+
+    def present_trace(
+        self, transition: TensorDictBase, gradient: Weights, trace: Weights, decay: Tensor
+    ) -> list[Tensor]:
+        """Return z, the trace with the present pair in it; arguments as of :meth:`update`.
+
+        Returns:
+            Of each tensor of weights, with the runs last, ``[*weights, runs]``.
+        """
+        return self.rule.present_trace(
+            _runs_last(trace, gradient),
+            _runs_last(gradient, gradient),
+            per_run(decay),
+            self._greedy(transition),
+        )
+
+    def largest_error(self, losses: Mapping[str, Tensor]) -> Tensor:
+        """Return the largest of the errors that are handed out, ``[runs]``."""
+        keys = self._keys
+        errors = per_run(losses[keys.td_error]), per_run(losses[keys.chosen_td_error])
+        return self.rule.largest_error(*errors)
+
+    def _greedy(self, transition: TensorDictBase) -> Tensor | None:
+        """Return where the action was greedy, 1 or 0, ``[runs]``, for a variant that cuts."""
+        if not self.rule.variant.cuts:
+            return None
+        values = transition[self._keys.action_value].movedim(-1, 0)
+        return is_greedy(values, self._candidates, per_run(transition[self._keys.action]))
+
+
+def _runs_last(tensors: Weights, order: Weights) -> list[Tensor]:
+    return [runs_last(tensors[name]) for name in order]

@@ -1,0 +1,163 @@
+"""From composed values to a valid configuration, or to one line that says what is wrong."""
+
+import difflib
+from collections.abc import Mapping
+from typing import Any, cast
+
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import (
+    ConfigAttributeError,
+    ConfigKeyError,
+    ConfigTypeError,
+    MissingMandatoryValue,
+    OmegaConfBaseException,
+    ValidationError,
+)
+
+from envs.core.parameters import ConfigError, OutOfRange, Parameters, allowed
+from envs.core.registry import is_own, kinds_in_words, schema_of
+from envs.schemas import SCHEMAS as WORLDS
+from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.config.values import SCHEMAS as VALUES
+
+_OF_KINDS: dict[str, Mapping[str, type[Parameters]]] = {"env": WORLDS, "value": VALUES}
+"""The groups whose keys depend on their kind, with the schemas of ours."""
+
+Kinds = Mapping[str, str]
+"""The kinds that are known so far, by their groups."""
+
+
+def flat(settings: Mapping[str, Any], group: str = "") -> dict[str, Any]:
+    """Return nested settings by keys with groups, as in ``env.speed_mps``; lists are values."""
+    keys: dict[str, Any] = {}
+    for key, value in settings.items():
+        if isinstance(value, Mapping):
+            keys |= flat(value, f"{group}{key}.")
+        else:
+            keys[f"{group}{key}"] = value
+    return keys
+
+
+class UnknownKey(ConfigError):
+    """A key that the configuration doesn't have.
+
+    Args:
+        key: the key with its groups.
+        value: what was given, if that is known.
+        kinds: the kinds that are known.
+    """
+
+    def __init__(self, key: str, value: object, kinds: Kinds) -> None:
+        super().__init__(key, value, kinds)
+        self.key, self.value, self.kinds = key, value, kinds
+
+    def __str__(self) -> str:
+        given = self.key if self.value is None else f"{self.key}={self.value}"
+        return f"{given}: there is no {self.key}; {_advice(self.key, self.kinds)}"
+
+
+def to_config(node: DictConfig, *, own: bool = True) -> Config:
+    """Return the valid configuration of composed values.
+
+    Args:
+        node: a mapping with all the keys, typed or plain: a saved ``.hydra/config.yaml`` will do.
+        own: whether kinds may be classes of the user's own, which are then imported. Values that
+            the user was handed must not name any.
+
+    Raises:
+        ConfigError: a key is missing or unknown, or its value isn't allowed.
+    """
+    # As a plain mapping, so that the schema refuses what Hydra lets in by `+key=value`.
+    plain = cast(dict[str, Any], OmegaConf.to_container(node))
+    kinds = {group: kind for group in _OF_KINDS if (kind := _kind(plain, group, own)) is not None}
+    schema = OmegaConf.structured(Config)
+    for group, kind in kinds.items():
+        schema[group] = OmegaConf.structured(schema_of(kind, _OF_KINDS[group]))
+    try:
+        return cast(Config, OmegaConf.to_object(OmegaConf.merge(schema, plain)))
+    except OmegaConfBaseException as error:
+        value = OmegaConf.select(node, error.full_key or "", throw_on_resolution_failure=False)
+        raise refusal(error, value, kinds) from error
+
+
+def _kind(plain: dict[str, Any], group: str, own: bool) -> str | None:
+    """Return the kind of a group in composed values; none if they leave it out.
+
+    Raises:
+        OutOfRange: there is no such kind, or it isn't allowed.
+    """
+    values, known = plain.get(group, "???"), _OF_KINDS[group]
+    if values == "???":
+        return None
+    if not isinstance(values, dict):
+        raise OutOfRange(group, values, allowed(Config)[group])
+    kind = values.get("kind", "???")
+    if is_own(kind) and not own:
+        raise OutOfRange(f"{group}.kind", kind, f"{', '.join(known)} in values from elsewhere")
+    if kind not in known and not is_own(kind):
+        raise OutOfRange(f"{group}.kind", kind, kinds_in_words(known))
+    return cast(str, kind)
+
+
+def refusal(
+    error: OmegaConfBaseException, given: object, kinds: Kinds | None = None
+) -> ConfigError:
+    """Return the error for what OmegaConf refuses, in one line that says what is allowed.
+
+    Args:
+        error: OmegaConf's own, which takes several lines and doesn't say.
+        given: what the user gave for the key, for the errors that don't hold it.
+        kinds: the kinds that are known.
+    """
+    key, ranges = error.full_key or "", ranges_of(kinds)
+    if isinstance(error, ConfigKeyError | ConfigAttributeError):
+        return UnknownKey(key, given, kinds or {})
+    # What stands in a mapping has no range of its own but the mapping's.
+    words = ranges.get(key) or ranges.get(_group(key))
+    if below := [_name(each) for each in ranges if each.startswith(f"{key}.")]:
+        words = words or f"a mapping of {', '.join(below)}"
+    if isinstance(error, MissingMandatoryValue) and words:
+        return OutOfRange(key, "???", words)
+    if isinstance(error, ValidationError | ConfigTypeError) and words:
+        value = getattr(error, "value", None)
+        return OutOfRange(key, given if value is None else value, words)
+    return ConfigError(f"{key}: {str(error).splitlines()[0]}")
+
+
+def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
+    """Return what each key may hold, in words that complete "must be".
+
+    Args:
+        kinds: by group; of a group that isn't among them, the keys of all its kinds.
+    """
+    ranges = allowed(Config)
+    for group, known in _OF_KINDS.items():
+        kind = (kinds or {}).get(group)
+        for schema in known.values() if kind is None else [schema_of(kind, known)]:
+            ranges |= allowed(schema, f"{group}.")
+        ranges[f"{group}.kind"] = kinds_in_words(known)
+    return ranges
+
+
+def _advice(unknown: str, kinds: Kinds) -> str:
+    """Points to the key of the same name elsewhere, or to the nearest spelling beside it."""
+    group = unknown.partition(".")[0]
+    of_kinds = _OF_KINDS.get(group, {}).items()
+    if owners := [kind for kind, schema in of_kinds if unknown in allowed(schema, f"{group}.")]:
+        return f"{group}={' or '.join(owners)} has one"
+    keys = [*ranges_of(kinds)]
+    keys += dict.fromkeys(_group(key) for key in keys if _group(key))
+    beside = {_name(key): key for key in keys if _group(key) == _group(unknown)}
+    same = [key for key in keys if _name(key) == _name(unknown)]
+    near = difflib.get_close_matches(_name(unknown), beside, n=1)
+    if meant := same or [beside[name] for name in near]:
+        return f"did you mean {' or '.join(meant)}?"
+    return f"there is {', '.join(beside.values()) or _group(unknown)}"
+
+
+def _group(key: str) -> str:
+    return key.rpartition(".")[0]
+
+
+def _name(key: str) -> str:
+    return key.rpartition(".")[2]

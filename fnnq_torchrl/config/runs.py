@@ -1,0 +1,67 @@
+"""What the runs of a batch have of their own."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fnnq_torchrl.config.schema import PER_RUN, Config
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """A column for each key of `PER_RUN`, with a number of each run.
+
+    Attributes:
+        columns: by key ``[runs]``: ``seed`` int64, the others float64.
+    """
+
+    columns: dict[str, NDArray[Any]]
+
+    @classmethod
+    def of(cls, configs: Sequence[Config]) -> Self:
+        """Return the runs of one or more jobs, one job's after the other's.
+
+        Args:
+            configs: at least one. Its runs have the seeds ``seed … seed + num_seeds − 1``.
+        """
+        columns: dict[str, NDArray[Any]] = {
+            "seed": np.concatenate(
+                [each.seed + np.arange(each.num_seeds, dtype=np.int64) for each in configs]
+            )
+        }
+        counts = [each.num_seeds for each in configs]
+        for key in PER_RUN:
+            if key != "seed":
+                columns[key] = np.repeat([float(getattr(each, key)) for each in configs], counts)
+        return cls(columns)
+
+    @property
+    def bits(self) -> NDArray[np.int64]:
+        """What tells the runs apart, ``[runs, columns]``: the bits of their numbers."""
+        return np.stack([column.view(np.int64) for column in self.columns.values()], axis=-1)
+
+    def rows_among(self, bits: NDArray[np.int64]) -> NDArray[np.int64] | None:
+        """Return the row of each run among others, all different; None if one isn't there.
+
+        Args:
+            bits: of the others, as :attr:`bits` has them.
+        """
+        places: dict[tuple[int, ...], list[int]] = defaultdict(list)
+        for place, row in enumerate(bits.tolist()):
+            places[tuple(row)].append(place)
+        rows = []
+        for row in self.bits.tolist():
+            if not (there := places[tuple(row)]):
+                return None
+            rows.append(there.pop())
+        return np.array(rows)
+
+    def __len__(self) -> int:
+        return self.columns["seed"].size
+
+    def __getitem__(self, key: str) -> NDArray[Any]:
+        return self.columns[key]

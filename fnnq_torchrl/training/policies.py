@@ -1,0 +1,47 @@
+"""From a finished job to what it has learned to do."""
+
+from pathlib import Path
+
+from omegaconf import OmegaConf
+
+from fnnq_torchrl.agent.candidates import make_candidates
+from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
+from fnnq_torchrl.agent.values import make_value_network
+from fnnq_torchrl.config.checking import to_config
+from fnnq_torchrl.training.weights import load_checkpoint
+
+
+def load_policy(
+    run: str | Path, seed: int | None = None, *, own: bool = False
+) -> EpsilonGreedyPolicy:
+    """Load the greedy policy that a finished job has learned.
+
+    Args:
+        run: the job's directory.
+        seed: of one of its runs; all of them if not given.
+        own: whether to import classes of the user's own that the job's configuration names
+            (``module:Class``), as that of a world. Not for jobs that somebody else has run.
+
+    Returns:
+        A policy for environments of batch size ``[1]``, or ``[runs]`` for all runs.
+
+    Raises:
+        OSError: the job's checkpoint.pt can't be read.
+        ValueError: it is damaged, or there is no such run. One line.
+    """
+    checkpoint = load_checkpoint(Path(run) / "checkpoint.pt")
+    config = to_config(OmegaConf.create(checkpoint.config), own=own)
+    seeds = checkpoint.seed.tolist()
+    if seed is not None and seed not in seeds:
+        raise ValueError(f"{run} has no run with seed={seed}; it has {_span(seeds)}")
+    rows = slice(None) if seed is None else slice(seeds.index(seed), seeds.index(seed) + 1)
+    weights = {name: weight[rows] for name, weight in checkpoint.weights.items()}
+    dtype = next(iter(weights.values())).dtype
+    runs = len(seeds[rows])
+    network = make_value_network(config.value, make_candidates(config, dtype), runs)
+    network.load_state_dict(network.state_dict() | weights)
+    return EpsilonGreedyPolicy(network, epsilon=0.0).requires_grad_(False)
+
+
+def _span(seeds: list[int]) -> str:
+    return f"{min(seeds)} to {max(seeds)}" if len(seeds) > 1 else str(seeds[0])
