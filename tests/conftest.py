@@ -61,6 +61,14 @@ def compiler() -> None:
         import torch._inductor.compile_fx  # noqa: F401
 
 
+@pytest.fixture(scope="session", autouse=True)
+def impatient() -> Iterator[None]:
+    """Nobody waits for the disk: no test is about a power failure."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda file: None)
+        yield
+
+
 @pytest.fixture(scope="session")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Invented results of all experiments, as below ``outputs``: of 110 runs where large, or 12."""

@@ -2,6 +2,7 @@
 
 import difflib
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
@@ -56,7 +57,7 @@ class UnknownKey(ConfigError):
         return f"{given}: there is no {self.key}; {_advice(self.key, self.kinds)}"
 
 
-def to_config(node: DictConfig, *, own: bool = True) -> Config:
+def to_config(node: DictConfig | dict[str, Any], *, own: bool = True) -> Config:
     """Return the valid configuration of composed values.
 
     Args:
@@ -68,16 +69,23 @@ def to_config(node: DictConfig, *, own: bool = True) -> Config:
         ConfigError: a key is missing or unknown, or its value isn't allowed.
     """
     # As a plain mapping, so that the schema refuses what Hydra lets in by `+key=value`.
-    plain = cast(dict[str, Any], OmegaConf.to_container(node))
+    plain = cast(dict[str, Any], node if isinstance(node, dict) else OmegaConf.to_container(node))
     kinds = {group: kind for group in _OF_KINDS if (kind := _kind(plain, group, own)) is not None}
+    try:
+        return cast(Config, OmegaConf.to_object(OmegaConf.merge(_schema(**kinds), plain)))
+    except OmegaConfBaseException as error:
+        given = OmegaConf.create(plain)
+        value = OmegaConf.select(given, error.full_key or "", throw_on_resolution_failure=False)
+        raise refusal(error, value, kinds) from error
+
+
+@cache
+def _schema(**kinds: str) -> DictConfig:
+    """Return the schema of configurations of these kinds, not to be changed."""
     schema = OmegaConf.structured(Config)
     for group, kind in kinds.items():
         schema[group] = OmegaConf.structured(schema_of(kind, _OF_KINDS[group]))
-    try:
-        return cast(Config, OmegaConf.to_object(OmegaConf.merge(schema, plain)))
-    except OmegaConfBaseException as error:
-        value = OmegaConf.select(node, error.full_key or "", throw_on_resolution_failure=False)
-        raise refusal(error, value, kinds) from error
+    return schema
 
 
 def _kind(plain: dict[str, Any], group: str, own: bool) -> str | None:

@@ -6,7 +6,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+import yaml
+from omegaconf.errors import OmegaConfBaseException
 
 from fnnq_torchrl.config.checking import flat, to_config
 from fnnq_torchrl.config.schema import Config, ConfigError
@@ -152,17 +153,16 @@ def _finished(job: Path) -> bool:
 
 def _read_job(directory: Path) -> Job:
     path = directory / ".hydra" / "config.yaml"
-    data = path.read_bytes()
     try:
-        node = OmegaConf.create(data.decode())
+        plain = yaml.safe_load(path.read_bytes())
     except Exception as error:  # nearly any, of what isn't YAML
         raise ValueError(f"{path} is not a configuration") from error
-    if not isinstance(node, DictConfig):
+    if not isinstance(plain, dict):
         raise ValueError(f"{path} is not a configuration")
     try:
-        config = to_config(node)
-    except ConfigError as error:
-        raise ValueError(f"{path}: {error}") from error
+        config = to_config(plain, own=False)
+    except (ConfigError, OmegaConfBaseException) as error:
+        raise ValueError(f"{path}: {str(error).splitlines()[0]}") from error
     settings = asdict(config)
     del settings["logger"]  # which has other keys for each choice, and no say in the results
     evaluations = read_evaluations(directory / "evaluations.csv", config.env.tested.measure)

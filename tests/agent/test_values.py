@@ -14,7 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
+from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import MLPValue, ValueNetwork, make_value_network
+from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.config.values import SCHEMAS
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.native import NativeLoop
@@ -219,46 +221,36 @@ def with_fourier(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def run_there(root: Path, *command: str) -> subprocess.CompletedProcess[str]:
-    command = (sys.executable, *command)
-    return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+@pytest.fixture
+def there(with_fourier: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.syspath_prepend(with_fourier)
+    return with_fourier
 
 
-def train_there(root: Path, *overrides: str) -> subprocess.CompletedProcess[str]:
-    train = ("-m", "fnnq_torchrl.train", "--config-dir", "my_conf", "value=fourier")
-    return run_there(root, *train, *overrides)
+def fourier_config(there: Path, *overrides: str) -> Config:
+    searched = f"hydra.searchpath=[{(there / 'my_conf').as_uri()}]"
+    return load_config(searched, "value=fourier", *overrides)
 
 
-def test_its_candidates_have_the_values_of_those_actions(with_fourier: Path) -> None:
-    ended = run_there(
-        with_fourier,
-        "-c",
-        """
-import torch
-from fourier import FourierValue
-
-network = FourierValue(["bearing"], torch.linspace(-1, 1, 21), order=5, runs=4)
-generator = torch.Generator().manual_seed(0)
-network.weight.detach().normal_(generator=generator)
-bearing = torch.rand(4, 3, 1, generator=generator)
-alone = network(bearing, action=network.candidates[7].expand_as(bearing))
-torch.testing.assert_close(alone, network(bearing)[..., 7:8])
-""",
-    )
-    assert ended.returncode == 0, ended.stderr
+def test_its_candidates_have_the_values_of_those_actions(there: Path) -> None:
+    settings = fourier_config(there)
+    network = make_value_network(settings.value, make_candidates(settings), runs=4)
+    generator = torch.Generator().manual_seed(0)
+    network.weight.detach().normal_(generator=generator)
+    bearing = torch.rand(4, 3, 1, generator=generator)
+    alone = network(bearing, action=network.candidates[7].expand_as(bearing))
+    torch.testing.assert_close(alone, network(bearing)[..., 7:8])
 
 
 def test_a_value_function_of_ones_own_is_a_file_and_a_yaml(with_fourier: Path) -> None:
-    ended = train_there(
-        with_fourier, "engine=eager", "value.order=2", "situations=5", "hydra.run.dir=job"
-    )
-    assert ended.returncode == 0, ended.stderr
+    train = ("-m", "fnnq_torchrl.train", "--config-dir", "my_conf", "value=fourier")
+    overrides = ("engine=eager", "value.order=2", "situations=5", "hydra.run.dir=job")
+    subprocess.run([sys.executable, *train, *overrides], cwd=with_fourier, check=True)
     weights = load_checkpoint(with_fourier / "job" / "checkpoint.pt").weights
     assert weights["weight"].shape == (1, 9)
     assert (weights["weight"] != 0).all()
 
 
-def test_its_mistakes_are_told_too(with_fourier: Path) -> None:
-    ended = train_there(with_fourier, "value.order=0", "hydra.run.dir=other")
-    told = "value.order=0: must be a whole number >= 1\n"
-    assert (ended.returncode, ended.stderr) == (2, told)
+def test_its_mistakes_are_told_too(there: Path) -> None:
+    with pytest.raises(ConfigError, match=r"^value\.order=0: must be a whole number >= 1$"):
+        fourier_config(there, "value.order=0")

@@ -73,7 +73,7 @@ def test_what_was_never_run_is_told_with_the_command(tmp_path: Path) -> None:
         ("a: [", " is not a configuration"),
         ("- a list", " is not a configuration"),
         ("a: !!python/object/apply:os.abort []", " is not a configuration"),
-        ("just words", ": just words: there is no just words"),
+        ("just words", " is not a configuration"),
         ("_target_: os.abort", ": _target_=os.abort: there is no _target_"),
         ("lam: 0.2", ": .*=.*: must be"),
     ],
