@@ -8,11 +8,22 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
+    "ConfigError": "core.parameters",
     "FollowBall": "robot.follow",
     "FollowOneSide": "robot.one_side",
     "PureEnv": "core.pure",
+    "Stream": "core.streams",
     "WorldConfig": "core.world",
+    "check_world": "core.contract",
+    "draw": "core.streams",
+    "flag": "core.parameters",
     "make_world": "worlds",
+    "normal": "core.streams",
+    "number": "core.parameters",
+    "one_of": "core.parameters",
+    "texts": "core.parameters",
+    "uniform": "core.streams",
+    "whole": "core.parameters",
 }
 
 __all__ = list(_HOMES)

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from envs.core.parameters import ConfigError
 from envs.core.pure import PureEnv
 from envs.core.registry import class_of
 from envs.core.world import WorldConfig
@@ -25,7 +24,4 @@ def make_world(config: WorldConfig, *args: Any, **settings: Any) -> PureEnv:
     Raises:
         ConfigError: the class of a user's own isn't a :class:`envs.core.pure.PureEnv`.
     """
-    world = class_of(config.kind, WORLDS)
-    if not issubclass(world, PureEnv):
-        raise ConfigError(f"env.kind={config.kind}: must be a subclass of envs.PureEnv")
-    return world(config, *args, **settings)
+    return class_of("env", config.kind, WORLDS, PureEnv)(config, *args, **settings)

@@ -1,4 +1,4 @@
-"""What a world must be to train, looked at once and told in one line."""
+"""A check of a world: one step, and one line on what is wrong with it."""
 
 from collections.abc import Iterable
 
@@ -24,11 +24,17 @@ def check_world(env: PureEnv) -> None:
             start = env.reset()
             after = env._step(env.rand_action(start))  # as it is: TorchRL's own step would mend it
             again = env.restart(after)
+            said = env.transition({**start}, start["action"])
         except Exception as error:  # the world's own code may raise anything
             reason = " ".join(f"{type(error).__name__} {error}".split())
             raise ConfigError(
                 f"env.kind={env.world.kind}: its first step fails: {reason}"
             ) from error
+    if env.world.measure == "successes" and "success" not in said:
+        raise ConfigError(
+            f"env.kind={env.world.kind}: its transition has no success, which its measure counts; "
+            "measure = 'return' or 'length' needs none"
+        )
     specs = {**env.observation_spec, **env.done_spec, "reward": env.reward_spec}
     carried = [key for key in env.observation_spec if key != "success"]
     for state, keys, when in (

@@ -1,9 +1,10 @@
-"""What a kind in the configuration stands for: one of ours, or a user's own class."""
+"""Find the schema and the class of a kind: a name of ours, or a user's own ``module:Class``."""
 
+import inspect
 import sys
 from collections.abc import Iterable, Mapping
 from importlib import import_module
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from envs.core.parameters import ConfigError, Parameters
 
@@ -23,36 +24,54 @@ def kinds_in_words(known: Iterable[str]) -> str:
     return f"{', '.join(known)} or, of your own, module:Class"
 
 
-def own_class(kind: str) -> type[Any]:
+def own_class(group: str, kind: str) -> type[Any]:
     """Import the class that a kind names.
 
-    Modules are looked for where Python looks, and in the current directory.
+    Modules are looked for where Python looks, and then in the current directory.
 
     Args:
+        group: of the configuration, ``env`` or ``value``.
         kind: ``module:Class``.
 
     Raises:
-        ConfigError: there is no such module or class, or its attribute ``schema`` is not a
-            dataclass of :class:`envs.core.parameters.Parameters`.
+        ConfigError: there is no such module or class, or something of the class or of its
+            attribute ``schema``, a dataclass of :class:`envs.core.parameters.Parameters`, is
+            missing.
     """
     module, _, name = kind.partition(":")
-    if "" not in sys.path:  # as ``python -m`` has it, and a console script has not
-        sys.path.insert(0, "")
+    if "" not in sys.path:  # a console script has no current directory
+        sys.path.append("")
     try:
         found = getattr(import_module(module), name)
     except (ImportError, AttributeError, ValueError) as error:
-        raise ConfigError(f"kind={kind}: {error}") from error
+        raise ConfigError(f"{group}.kind={kind}: {error}") from error
     schema = getattr(found, "schema", None)
     if not (isinstance(schema, type) and issubclass(schema, Parameters)):
-        raise ConfigError(f"kind={kind}: its attribute schema must be a dataclass of Parameters")
+        raise ConfigError(
+            f"{group}.kind={kind}: its attribute schema must be a dataclass of Parameters"
+        )
+    for each in (found, schema):
+        if missing := sorted(getattr(each, "__abstractmethods__", ())):
+            line = f"{each.__name__} must have {' and '.join(missing)}"
+            raise ConfigError(f"{group}.kind={kind}: {line}")
     own: type[Any] = found
     return own
 
 
-def schema_of(kind: str, known: Mapping[str, type[Parameters]]) -> type[Parameters]:
+def source_of(group: str, kind: str) -> str:
+    """Return the text of the module that a kind of a user's own is in.
+
+    Raises:
+        ConfigError: see :func:`own_class`.
+    """
+    return inspect.getsource(sys.modules[own_class(group, kind).__module__])
+
+
+def schema_of(group: str, kind: str, known: Mapping[str, type[Parameters]]) -> type[Parameters]:
     """Return the schema of a kind: its keys with their ranges.
 
     Args:
+        group: of the configuration.
         kind: a name in ``known``, or ``module:Class``.
         known: the schemas of ours.
 
@@ -60,19 +79,26 @@ def schema_of(kind: str, known: Mapping[str, type[Parameters]]) -> type[Paramete
         ConfigError: see :func:`own_class`.
     """
     if is_own(kind):
-        schema: type[Parameters] = own_class(kind).schema
+        schema: type[Parameters] = own_class(group, kind).schema
         return schema
     return known[kind]
 
 
-def class_of(kind: str, known: Mapping[str, type[Entry]]) -> type[Entry]:
+def class_of(group: str, kind: str, known: Mapping[str, type[Entry]], base: type) -> type[Entry]:
     """Return the class of a kind.
 
     Args:
+        group: of the configuration.
         kind: a name in ``known``, or ``module:Class``.
         known: the classes of ours.
+        base: what every class must be a subclass of.
 
     Raises:
-        ConfigError: see :func:`own_class`.
+        ConfigError: see :func:`own_class`; or the class is no such subclass.
     """
-    return own_class(kind) if is_own(kind) else known[kind]
+    if not is_own(kind):
+        return known[kind]
+    found: type[Any] = own_class(group, kind)
+    if not issubclass(found, base):
+        raise ConfigError(f"{group}.kind={kind}: must be a subclass of {base.__name__}")
+    return cast(type[Entry], found)

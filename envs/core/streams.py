@@ -6,8 +6,8 @@ there is no generator state to save.
 
 The hash is pcg4d, from four 32-bit words to four, with a round more: with its own two rounds the
 low bits of neighbouring runs and episodes are not independent, with three no test finds any fault
-(``tests/envs/test_streams.py``). It multiplies 32-bit integers only, of which AVX2 does eight at a
-time; the 64-bit products of SplitMix64 or Philox it does one by one.
+(``tests/envs/core/test_streams.py``). It multiplies 32-bit integers only, of which AVX2 does eight
+at a time; the 64-bit products of SplitMix64 or Philox it does one by one.
 
 Source: M. Jarzynski, M. Olano, "Hash functions for GPU rendering", Journal of Computer Graphics
 Techniques 9(3), 2020.
@@ -24,7 +24,7 @@ Words = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
 class Stream(IntEnum):
-    """What a block of random words is for: one stream never lends its words to another."""
+    """The purposes of random words. Streams share none; there is room for three more."""
 
     STEP = 0
     START = 1
@@ -58,15 +58,16 @@ def draw(seed: Tensor, episode: Tensor, step: Tensor, stream: Stream) -> Words:
     Args:
         seed: the runs' seeds, int64 in [0, 2⁶³), any shape.
         episode: int64 in [0, 2³³), same shape.
-        step: int64 in [0, 2³⁰), same shape.
+        step: int64 in [0, 2²⁹), same shape.
         stream: what the words are for.
 
     Returns:
         Four int32 tensors of that shape.
     """
     upper = (seed >> 32) | ((episode >> 32) << 31)  # 31 bits of the seed, one of the episode
-    # Steps take the counter's lower 31 bits. The third stream begins where they end.
-    counter = 2 * step + stream if stream < Stream.CHANCE else 2**31 + step
+    # The first two streams take turns in the lower half of the counter, the others have a quarter
+    # of its upper half each.
+    counter = 2 * step + stream if stream < 2 else 2**31 + (stream - 2) * 2**29 + step
     low_bits = (number.to(torch.int32) for number in (seed, upper, episode, counter))
     return pcg4d(*low_bits)
 

@@ -1,6 +1,6 @@
-"""What every world says of itself before torch is loaded."""
+"""The base of the worlds' configurations: parameters, observations, actions. No torch."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -13,7 +13,7 @@ Range = tuple[float, float]
 
 
 @dataclass
-class WorldConfig(Parameters):
+class WorldConfig(Parameters, ABC):
     """The parameters of a world, and what it offers to a learner.
 
     A subclass adds its own parameters, each with its range, and says what it offers. The specs of

@@ -1,6 +1,7 @@
 """From composed values to a valid configuration, or to one line that says what is wrong."""
 
 import difflib
+import re
 from collections.abc import Mapping
 from functools import cache
 from typing import Any, cast
@@ -57,7 +58,7 @@ class UnknownKey(ConfigError):
         return f"{given}: there is no {self.key}; {_advice(self.key, self.kinds)}"
 
 
-def to_config(node: DictConfig | dict[str, Any], *, own: bool = True) -> Config:
+def to_config(node: DictConfig | dict[str, Any], *, own: bool = False) -> Config:
     """Return the valid configuration of composed values.
 
     Args:
@@ -70,6 +71,10 @@ def to_config(node: DictConfig | dict[str, Any], *, own: bool = True) -> Config:
     """
     # As a plain mapping, so that the schema refuses what Hydra lets in by `+key=value`.
     plain = cast(dict[str, Any], node if isinstance(node, dict) else OmegaConf.to_container(node))
+    if not own:
+        for key, value in flat(plain).items():
+            if re.search(r"\$\{.*:", str(value)):  # calls a function
+                raise ConfigError(f"{key}={value}: must be a plain value")
     kinds = {group: kind for group in _OF_KINDS if (kind := _kind(plain, group, own)) is not None}
     try:
         return cast(Config, OmegaConf.to_object(OmegaConf.merge(_schema(**kinds), plain)))
@@ -84,7 +89,7 @@ def _schema(**kinds: str) -> DictConfig:
     """Return the schema of configurations of these kinds, not to be changed."""
     schema = OmegaConf.structured(Config)
     for group, kind in kinds.items():
-        schema[group] = OmegaConf.structured(schema_of(kind, _OF_KINDS[group]))
+        schema[group] = OmegaConf.structured(schema_of(group, kind, _OF_KINDS[group]))
     return schema
 
 
@@ -101,10 +106,10 @@ def _kind(plain: dict[str, Any], group: str, own: bool) -> str | None:
         raise OutOfRange(group, values, allowed(Config)[group])
     kind = values.get("kind", "???")
     if is_own(kind) and not own:
-        raise OutOfRange(f"{group}.kind", kind, f"{', '.join(known)} in values from elsewhere")
-    if kind not in known and not is_own(kind):
+        raise OutOfRange(f"{group}.kind", kind, f"{' or '.join(known)} in values from elsewhere")
+    if not isinstance(kind, str) or (kind not in known and not is_own(kind)):
         raise OutOfRange(f"{group}.kind", kind, kinds_in_words(known))
-    return cast(str, kind)
+    return kind
 
 
 def refusal(
@@ -141,7 +146,7 @@ def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
     ranges = allowed(Config)
     for group, known in _OF_KINDS.items():
         kind = (kinds or {}).get(group)
-        for schema in known.values() if kind is None else [schema_of(kind, known)]:
+        for schema in known.values() if kind is None else [schema_of(group, kind, known)]:
             ranges |= allowed(schema, f"{group}.")
         ranges[f"{group}.kind"] = kinds_in_words(known)
     return ranges

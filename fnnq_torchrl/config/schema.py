@@ -169,6 +169,9 @@ class Config(Parameters):
         if not isinstance(actions, int) and candidates is None:
             allowed = f"a number, of a range of actions as {self.env.kind} has"
             yield OutOfRange("action.candidates", candidates, allowed)
+        if isinstance(actions, int) and self.exploration == "noise":
+            allowed = f"epsilon_greedy or boltzmann: {self.env.kind} has a fixed set of actions"
+            yield OutOfRange("exploration", self.exploration, allowed)
         fixed, values = self.evaluation.fixed, self.env.start_values
         if fixed is not None and any(len(start) != len(values) for start in fixed):
             allowed = f"a list of starts [{', '.join(values)}], or a whole number of random ones"

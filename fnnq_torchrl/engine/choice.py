@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import torch
 from tensordict import TensorDictBase
+from torch._subclasses.fake_tensor import DataDependentOutputException
 
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.engine.loops import EagerLoop, Loop, MakeLoop, MakeStep
 from fnnq_torchrl.engine.native import (
     NativeLoop,
+    RunsMixed,
     Unsupported,
     cache_directory,
     compiler,
@@ -106,6 +108,13 @@ def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBa
     """Written out as scalars or, if the step is too large or too strange for that, by Inductor."""
     try:
         return NativeLoop(make_step, stays, state)
+    except RunsMixed as error:
+        raise ConfigError(f"engine=compiled: {error}") from error
+    except DataDependentOutputException as error:
+        raise ConfigError(
+            "engine=compiled: a world or a value function looks at its data, as if does; "
+            "torch.where doesn't, and engine=eager takes it as it is"
+        ) from error
     except Unsupported as error:
         why, *_ = str(error).splitlines()
         _log.info("engine: compiled by TorchInductor, which takes longer: %s", why)

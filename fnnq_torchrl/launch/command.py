@@ -61,7 +61,8 @@ class Task:
     def __call__(self, node: DictConfig) -> float | None:
         """Do one job, and return its value for a sweeper."""
         with errors_in_one_line():  # where Hydra would add a line of its own
-            config, directory = to_config(node), Path(HydraConfig.get().runtime.output_dir)
+            config = to_config(node, own=True)
+            directory = Path(HydraConfig.get().runtime.output_dir)
             self.began = True
             return self._job(config, directory)
 

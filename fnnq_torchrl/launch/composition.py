@@ -43,7 +43,7 @@ def load_config(*overrides: str) -> Config:
     """
     primary, others = choose_primary(overrides)
     with composing(others), _hydra():
-        return to_config(compose(primary, others))
+        return to_config(compose(primary, others), own=True)
 
 
 @contextmanager

@@ -12,7 +12,6 @@ from typing import Any
 
 import yaml
 from hydra.core.config_store import ConfigStore
-from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from envs.core.registry import is_own
@@ -81,10 +80,15 @@ def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
             raise ConfigError(
                 f"{path}: {key}={value} is somebody's own code; if you trust it, type that too"
             )
+    plain.pop("logger", None)  # nobody logs where somebody else says
     try:
-        return to_config(OmegaConf.create(plain))
+        config = to_config(plain, own=True)
     except (ConfigError, OmegaConfBaseException) as error:
         raise ConfigError(f"{path}: {str(error).splitlines()[0]}") from error
+    for key, value in flat(asdict(config)).items():
+        if "${" in str(value):  # put together from harmless parts
+            raise ConfigError(f"{path}: {key}={value}: must be a plain value")
+    return config
 
 
 def parse_configuration(text: bytes) -> dict[str, Any] | None:
@@ -99,9 +103,10 @@ def parse_configuration(text: bytes) -> dict[str, Any] | None:
 def _saved_task(directory: Path) -> str:
     """Return the task that the job was given; the default one if that can't be told."""
     path = directory / ".hydra" / "hydra.yaml"
-    plain = parse_configuration(path.read_bytes()) if path.is_file() else None
-    task = OmegaConf.select(OmegaConf.create(plain or {}), "hydra.runtime.choices.task")
-    return str(task or "follow")
+    found: Any = parse_configuration(path.read_bytes()) if path.is_file() else None
+    for key in ("hydra", "runtime", "choices", "task"):
+        found = found.get(key) if isinstance(found, dict) else None
+    return found if isinstance(found, str) and found.isidentifier() else "follow"
 
 
 def _labels(config: Config, task: str) -> dict[str, Any]:

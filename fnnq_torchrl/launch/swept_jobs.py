@@ -41,7 +41,7 @@ class _Template:
 
     def __init__(self, node: DictConfig) -> None:
         task = OmegaConf.masked_copy(node, [str(key) for key in node if key != "hydra"])
-        self.node, self.config = node, to_config(task)
+        self.node, self.config = node, to_config(task, own=True)
         self.task, self.hydra = _plain(task), _plain(node.hydra)
         self.sweep_directory = Path(node.hydra.sweep.dir).absolute()
         with read_write(node.hydra):

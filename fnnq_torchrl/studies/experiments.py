@@ -38,9 +38,9 @@ class Job:
     directory: Path
 
     @property
-    def best(self) -> int:
-        """The highest score there is."""
-        return self.config.evaluation.tests
+    def best(self) -> int | None:
+        """The highest score there is, if it counts successes."""
+        return self.config.best_score
 
 
 @dataclass(frozen=True, eq=False)

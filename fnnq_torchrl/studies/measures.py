@@ -29,12 +29,12 @@ class Measure:
 
 def early_score(evaluations: Evaluations) -> NDArray[np.float64]:
     """Mean score of each run soon after learning began, ``[runs]``: how fast it learns."""
-    return evaluations.catches[:, 1:][:, :EARLY_EVALUATIONS].mean(axis=1)
+    return evaluations.score[:, 1:][:, :EARLY_EVALUATIONS].mean(axis=1)
 
 
 def forgetting(evaluations: Evaluations) -> NDArray[np.float64]:
     """How far each run's score lies below the best that it has had, on average: ``[runs]``."""
-    scores = evaluations.catches[:, 1:]
+    scores = evaluations.score[:, 1:]
     return (np.maximum.accumulate(scores, axis=1) - scores).mean(axis=1)
 
 

@@ -16,7 +16,7 @@ from envs.worlds import make_world
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
 from fnnq_torchrl.files.atomic import clear_leftovers
 from fnnq_torchrl.training.batch import Batch
-from fnnq_torchrl.training.jobs import SNAPSHOTS, Job
+from fnnq_torchrl.training.jobs import SNAPSHOTS, Job, JobFailed
 from fnnq_torchrl.training.loggers import Loggers
 from fnnq_torchrl.training.memory import check_memory
 from fnnq_torchrl.training.pictures import learning_curve
@@ -142,7 +142,8 @@ def _check(batch: Batch) -> None:
         allowed = f"there: this machine has {found} CUDA devices"
         raise OutOfRange("machine.device", config.machine.device, allowed)
     if is_own(config.env.kind):
-        check_world(make_world(config.env, [2]))
+        dtype = getattr(torch, config.machine.dtype)
+        check_world(make_world(config.env, [2], dtype=dtype, device=device))
     if large := check_memory(batch):
         announce(large)
     for job in batch.jobs:
@@ -166,6 +167,8 @@ def _run_batch(
             return _write(job, outcome.of(runs), trainer.ledger.book.pages[:, runs], pictures)
         except OSError as error:
             return error
+        except ValueError as error:  # a score that is no number
+            return JobFailed(f"{job.directory}: {error}")
 
     # Mostly the disk is waited for; but Matplotlib knows one thread only.
     with ThreadPoolExecutor(1 if pictures else _WRITERS) as pool:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import torch
 
+from envs.core.registry import is_own
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config, ConfigError
@@ -91,8 +92,9 @@ def sizes_of(batch: Batch) -> Sizes:
     """Return the sizes of a batch."""
     config, engine, runs = batch.config, batch.engine, batch.size
     dtype: torch.dtype = getattr(torch, config.machine.dtype)
-    # Tensors that have a shape, and no memory.
-    candidates = make_candidates(config, dtype, device="meta")
+    # Tensors that have a shape, and no memory; but a network of a user's own may look at them.
+    device = "cpu" if is_own(config.value.kind) else "meta"
+    candidates = make_candidates(config, dtype, device)
     network = make_value_network(config.value, candidates, runs=1)
     return Sizes(
         runs=runs,

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from omegaconf import OmegaConf
-
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.agent.values import make_value_network
@@ -30,7 +28,7 @@ def load_policy(
         ValueError: it is damaged, or there is no such run. One line.
     """
     checkpoint = load_checkpoint(Path(run) / "checkpoint.pt")
-    config = to_config(OmegaConf.create(checkpoint.config), own=own)
+    config = to_config(checkpoint.config, own=own)
     seeds = checkpoint.seed.tolist()
     if seed is not None and seed not in seeds:
         raise ValueError(f"{run} has no run with seed={seed}; it has {_span(seeds)}")

@@ -155,7 +155,8 @@ class Trainer:
 
     def _outcome(self) -> Outcome:
         ledger, pages, config = self.ledger, self.ledger.book.pages, self.config
-        # A run that has diverged plays no more: it has the worst result that there is.
+        # A run that has diverged plays no more: it has the lowest return that there is or, where
+        # the world doesn't state one, its return before learning.
         diverged = ledger.diverged.T.contiguous().numpy()
         success, reward, length = (
             ledger.results[key].transpose(0, 1).numpy() for key in ("success", "return", "length")

@@ -161,7 +161,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
             "env.kind=maze",
             "env.kind=maze: must be follow_ball, follow_one_side or, of your own, module:Class",
         ),
-        ("env.kind=nowhere:Maze", "kind=nowhere:Maze: No module named 'nowhere'"),
+        ("env.kind=nowhere:Maze", "env.kind=nowhere:Maze: No module named 'nowhere'"),
         (
             "+value.inputs.sonar=[[0,1]]",
             "value.inputs.sonar=[[0, 1]]: must be under the name of one of: bearing",
@@ -308,6 +308,16 @@ def test_the_columns_of_the_runs(default):
 
 def test_a_saved_configuration_comes_back(default):
     assert to_config(OmegaConf.create(asdict(default))) == default
+
+
+def test_values_from_elsewhere_name_no_code(default):
+    for group in ("env", "value"):
+        values = asdict(default)
+        values[group]["kind"] = "os:system"
+        with pytest.raises(ConfigError, match=rf"^{group}\.kind=os:system: .* from elsewhere$"):
+            to_config(values)
+    with pytest.raises(ConfigError, match="must be a plain value"):
+        to_config(asdict(default) | {"exploration": "${oc.env:HOME}"})
 
 
 def test_a_saved_configuration_is_checked(default):

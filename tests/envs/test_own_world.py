@@ -106,6 +106,11 @@ MISTAKES = {
         '"success": reward}',
         "after a step success is torch.float32 [2, 1], and must be torch.bool [2, 1]",
     ),
+    "no success": (
+        ', "success": there}',
+        "}",
+        "its transition has no success, which its measure counts",
+    ),
     "no observation": (
         '"y_m": y_m, "reward"',
         '"reward"',
@@ -150,11 +155,11 @@ def test_its_mistakes_are_told_in_one_line(
     [
         (
             ("env.kind=point:Pont",),
-            "kind=point:Pont: module 'point' has no attribute 'Pont'",
+            "env.kind=point:Pont: module 'point' has no attribute 'Pont'",
         ),
         (
             ("env.kind=math:pi",),
-            "kind=math:pi: its attribute schema must be a dataclass of Parameters",
+            "env.kind=math:pi: its attribute schema must be a dataclass of Parameters",
         ),
         (
             ("action=even",),
@@ -164,6 +169,11 @@ def test_its_mistakes_are_told_in_one_line(
             ("evaluation=paper",),
             "evaluation.situations=[[0.8, 0.1], [-0.8, -0.1], [0.4, -0.15], [-0.4, 0.15], "
             "[0.0, 0.12]]: must be a whole number of random starts: point:Point has no fixed ones",
+        ),
+        (
+            ("exploration=noise",),
+            "exploration=noise: must be epsilon_greedy or boltzmann: point:Point has a fixed set "
+            "of actions",
         ),
         (("env.stride_m=0",), "env.stride_m=0.0: must be a number in (0, inf)"),
     ],
@@ -180,5 +190,5 @@ def test_a_class_that_is_no_world_is_refused(there: Path) -> None:
     (there / "thing.py").write_text(
         "from point import PointConfig\nclass Thing:\n    schema = PointConfig\n"
     )
-    with pytest.raises(ConfigError, match=r"^env\.kind=thing:Thing: must be a subclass of envs\.P"):
+    with pytest.raises(ConfigError, match=r"^env\.kind=thing:Thing: must be a subclass of Pure"):
         make_world(config(there, "task=point", "env.kind=thing:Thing").env, [2])

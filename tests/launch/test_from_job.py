@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from fnnq_torchrl.config.loggers import LoggerConfig
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training import job as job_module
@@ -49,7 +50,32 @@ def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Config]:
 def earlier(trained: list[Config]) -> Config:
     """A job in ``earlier``, as the command leaves it."""
     assert fnnq_train(*EARLIER, "hydra.run.dir=earlier") == 0
-    return trained.pop()
+    return replace(trained.pop(), logger=LoggerConfig())  # that of the job isn't taken
+
+
+@pytest.mark.parametrize(
+    "task",
+    ["${fresh_directory:made}", "${nope:x}", [1, 2], "../task", {"a": 1}],
+    ids=["a call", "an unknown call", "a list", "a path", "a mapping"],
+)
+def test_nothing_in_it_is_called(
+    earlier: Config, trained: list[Config], task: object, tmp_path: Path
+) -> None:
+    """Whoever has written it."""
+    path = tmp_path / "earlier" / ".hydra" / "hydra.yaml"
+    path.write_text(yaml.safe_dump({"hydra": {"runtime": {"choices": {"task": task}}}}))
+    assert fnnq_train("from=earlier", "hydra.run.dir=later") == 0
+    assert trained == [earlier]
+    assert not (tmp_path / "made").exists()
+
+
+def test_a_call_that_is_put_together_is_refused(earlier: Config, tmp_path: Path) -> None:
+    path = tmp_path / "earlier" / ".hydra" / "config.yaml"
+    plain = yaml.safe_load(path.read_text())
+    plain["exploration"] = "${engine}{oc.env:HOME}"
+    path.write_text(yaml.safe_dump(plain))
+    with pytest.raises(ConfigError, match=r"config\.yaml: exploration="):
+        load_config(f"from={tmp_path / 'earlier'}")
 
 
 def test_it_is_the_same_job(earlier: Config, trained: list[Config]) -> None:

@@ -41,5 +41,9 @@ def make_value_network(config: ValueConfig, candidates: Tensor, runs: int) -> Va
         candidates: the actions among which the best is sought, ``[candidates]``; the network has
             their dtype and device.
         runs: how many learners it holds.
+
+    Raises:
+        ConfigError: the class of a user's own isn't a :class:`ValueNetwork`.
     """
-    return class_of(config.kind, NETWORKS).from_config(config, candidates, runs)
+    network = class_of("value", config.kind, NETWORKS, ValueNetwork)
+    return network.from_config(config, candidates, runs)

@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from envs.core.registry import is_own, source_of
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.files.plain import read_plain, write_plain
 from fnnq_torchrl.training.batch import Batch
@@ -32,7 +33,9 @@ class SavedTraining:
         self.path = batch.directory / TRAINING
         settings = asdict(batch.config)
         shared = {key: of for key, of in settings.items() if key not in _NO_MATTER}
-        identity = f"{torch.__version__} {batch.engine.name} {shared!r}"
+        kinds = {"env": batch.config.env.kind, "value": batch.config.value.kind}
+        code = [source_of(group, kind) for group, kind in kinds.items() if is_own(kind)]
+        identity = f"{torch.__version__} {batch.engine.name} {shared!r} {code}"
         self._identity = hashlib.sha256(identity.encode()).hexdigest()
         self._batch = batch
         self._read: tuple[dict[str, Any], Tensor] | None = None

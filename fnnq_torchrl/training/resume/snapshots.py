@@ -6,9 +6,11 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
+from fnnq_torchrl.config.schema import ConfigError
+
 
 class SnapshotBook:
-    """Collects a program's snapshots: weights and steps of every run when each evaluation was due.
+    """Collects a learner's snapshots: weights and steps of every run when each evaluation was due.
 
     Attributes:
         pages: batch size ``[evaluations, runs]``: ``weights`` by name, and ``steps``, int64. The
@@ -58,15 +60,23 @@ class SnapshotBook:
     def collect(self, runs: Tensor, state: TensorDictBase) -> None:
         """Put the snapshots that are new since the last call on their pages.
 
-        No run may have had more than one in between. What runs do after their last evaluation is
-        nobody's business.
+        Snapshots that a run takes after its last evaluation are left out.
 
         Args:
             runs: the number of each lane's run, −1 where there is none, int64 ``[lanes]``.
-            state: the program's, ``[lanes]``.
+            state: the learner's, ``[lanes]``.
+
+        Raises:
+            ConfigError: a run has had more than one since then, and the earlier one is lost.
         """
         due = (state["situations"].squeeze(-1).cpu() // self.every).clamp(max=self._last)
-        lanes = ((runs >= 0) & (due > self.collected[runs])).nonzero().squeeze(-1)
+        busy = runs >= 0
+        if (busy & (due > self.collected[runs] + 1)).any():
+            raise ConfigError(
+                "a run had two evaluations between two looks at it: fewest_steps of the world is "
+                "larger than the steps of its shortest episode"
+            )
+        lanes = (busy & (due > self.collected[runs])).nonzero().squeeze(-1)
         if len(lanes):
             runs, due = runs[lanes], due[lanes]
             snapshot = state["snapshot"]

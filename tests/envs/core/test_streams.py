@@ -65,11 +65,11 @@ def test_every_bit_of_the_input_changes_half_of_the_output():
 @given(
     st.integers(0, 2**63 - 1),
     st.integers(0, 2**33 - 1),
-    st.integers(0, 2**30 - 1),
+    st.integers(0, 2**29 - 1),
     st.sampled_from(Stream),
 )
 @example(2**32, 2**32, 0, Stream.STEP)
-@example(2**63 - 1, 2**33 - 1, 2**30 - 1, Stream.START)
+@example(2**63 - 1, 2**33 - 1, 2**29 - 1, Stream.START)
 def test_a_draw_is_keyed_by_run_and_counted_by_time(seed, episode, step, stream):
     words = streams.draw(*tensors((seed, episode, step)), stream)
     assert numbers(words) == oracle.draw(seed, episode, step, stream)
@@ -78,7 +78,7 @@ def test_a_draw_is_keyed_by_run_and_counted_by_time(seed, episode, step, stream)
 def test_every_run_time_and_stream_has_words_of_its_own():
     seeds = [0, 1, 2, 2**32 - 1, 2**32, 2**32 + 1, 2**33, 2**62, 2**63 - 1]
     episodes = [0, 1, 2, 119, 2**32 - 1, 2**32, 2**32 + 1, 2**33 - 1]
-    steps = [0, 1, 2, 119, 120, 2**30 - 1]
+    steps = [0, 1, 2, 119, 120, 2**29 - 1]
     when = torch.tensor(list(product(seeds, episodes, steps))).T
     blocks = torch.cat([torch.stack(streams.draw(*when, stream), -1) for stream in Stream])
     assert len(blocks) == len(Stream) * len(seeds) * len(episodes) * len(steps)

@@ -2,6 +2,7 @@ import pytest
 import torch
 from tensordict import TensorDict
 
+from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.training.resume.snapshots import SnapshotBook
 from tests.programs import advance, config, make_learner, make_runs
 
@@ -67,10 +68,11 @@ def test_runs_turn_their_pages_at_their_own_pace() -> None:
 
 def test_runs_that_take_turns_on_a_lane() -> None:
     book = blank_book(runs=4)
-    book.collect(torch.tensor([0, 1]), state_at([5, 10], [2, 3]))
+    book.collect(torch.tensor([0, 1]), state_at([5, 5], [2, 8]))
+    book.collect(torch.tensor([-1, 1]), state_at([10, 10], [9, 3]))
     book.collect(torch.tensor([2, -1]), state_at([5, 10], [4, 9]))  # 9: a lane with nothing to do
     book.collect(torch.tensor([2, 3]), state_at([10, 4], [5, 9]))  # 9: not yet due, whoever had
-    assert_pages(book, [[1, 1, 1, 1], [2, 0, 4, 0], [0, 3, 5, 0]])
+    assert_pages(book, [[1, 1, 1, 1], [2, 8, 4, 0], [0, 3, 5, 0]])
 
 
 def blank_book(runs: int) -> SnapshotBook:
@@ -106,3 +108,11 @@ def test_a_snapshot_waits_until_the_next_is_due(every: int) -> None:
         for count in ("situations", "steps"):
             assert torch.equal(state["snapshot", count][due], state[count][due])
     assert state["situations"].min() >= 5
+
+
+def test_a_snapshot_that_nobody_collected_is_told() -> None:
+    """A world that says that its episodes take more steps than they do."""
+    book = blank_book(runs=2)
+    runs = torch.tensor([0, 1])
+    with pytest.raises(ConfigError, match="fewest_steps of the world"):
+        book.collect(runs, state_at([10, 5], [1.0, 1.0]))
