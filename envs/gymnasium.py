@@ -19,7 +19,7 @@ from envs.core.world import WorldConfig
 from envs.worlds import make_world
 
 _SEEDS, _EPISODES = 2**63, 2**33
-"""How many there are (:func:`envs.core.streams.draw`)."""
+"""The number of seeds, and of the episodes of a run (:func:`envs.core.streams.draw`)."""
 
 
 class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):

@@ -16,7 +16,7 @@ from envs.core.streams import Stream
 from envs.core.world import WorldConfig
 
 WHEN = "seed", "episode", "step"
-"""The entries that say whose random numbers are due, and when: int64, ``[*batch_size, 1]``."""
+"""The entries that key the random numbers: int64, ``[*batch_size, 1]``."""
 
 Entries = dict[str, Tensor]
 
@@ -65,7 +65,7 @@ class PureEnv(EnvBase):
 
     schema: ClassVar[type[WorldConfig]]
     state_keys: ClassVar[tuple[str, ...]] = ()
-    """The names of the real entries, besides the observations, that a step goes on from."""
+    """The names of the hidden state, real entries that a step carries to the next."""
 
     situations: Tensor | None
     _seed: Tensor

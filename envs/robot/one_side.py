@@ -8,7 +8,7 @@ from envs.robot.schemas import FollowOneSideConfig
 
 
 class FollowOneSide(FollowBall):
-    """:class:`envs.robot.follow.FollowBall` with the ball on one side, and a head that looks there.
+    """:class:`envs.robot.follow.FollowBall` whose ball starts on one side of straight ahead.
 
     What would start on the other side starts at its mirror image. To the other side the head sees
     no farther than ``other_view_rad``.

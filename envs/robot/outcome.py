@@ -14,9 +14,9 @@ def judge(
     catch_reward: float,
     miss_reward: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Return the reward of a step, and whether it ended the situation, by a catch or else.
+    """Return the reward, whether the episode has terminated, and whether the ball was caught.
 
-    Both are ends of the task itself (the miss is punished), so neither is a truncation.
+    A miss at the time limit pays a penalty, so it terminates the episode and doesn't truncate it.
 
     Args:
         east_m, north_m: from the robot to the ball after the step, any shape.

@@ -100,8 +100,8 @@ class Learner:
         """Take one step of every run in its world, and learn from it (paper, Table 1).
 
         A snapshot is taken where the step ends a situation after which an evaluation is due.
-        Whoever calls collects it before the next one can be due, at the earliest
-        ``fewest_steps · evaluate_every`` steps later (:class:`envs.core.world.WorldConfig`).
+        The caller must collect it within ``fewest_steps · evaluate_every`` steps
+        (:class:`envs.core.world.WorldConfig`).
         """
         amount, decay = run[self.policy.amount_name], run["gamma"] * run["lam"]
         transition = self.env.step(act(self.policy, state["weights"], amount, state["world"]))

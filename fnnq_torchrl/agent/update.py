@@ -16,7 +16,7 @@ Weights = Mapping[str, Tensor]
 
 
 class Updated(NamedTuple):
-    """What a step comes to.
+    """The direction of a step, and the trace after it.
 
     Attributes:
         direction: Δw, to be multiplied by the step size α, by name ``[runs, *weights]``.

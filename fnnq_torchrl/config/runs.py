@@ -1,4 +1,4 @@
-"""What the runs of a batch have of their own."""
+"""The per-run columns of a batch."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ class Runs:
 
     @property
     def bits(self) -> NDArray[np.int64]:
-        """What tells the runs apart, ``[runs, columns]``: the bits of their numbers."""
+        """The bits of the runs' numbers, ``[runs, columns]``: they tell one run from another."""
         return np.stack([column.view(np.int64) for column in self.columns.values()], axis=-1)
 
     def rows_among(self, bits: NDArray[np.int64]) -> NDArray[np.int64] | None:

@@ -46,7 +46,7 @@ class ValueConfig(Parameters):
     kind: str = matching(*KIND)
 
     of_each_input: ClassVar[str] = "an entry"
-    """What ``inputs`` has of each observation, with its article."""
+    """The noun for an entry of ``inputs``, with its article, for messages."""
 
     def in_world(self, world: WorldConfig) -> Self:
         """Return the same with what is left to the world filled in."""

@@ -27,7 +27,7 @@ _WORTH_COMPILING = {"cpu": 1_500, "cuda": 8_000}
 """Steps of a loop from which on compiling pays: at 4 ms an eager step, six and thirty seconds."""
 
 _MEAN_SITUATION = 1 / 2
-"""Of the time limit: about how long a situation takes, between not at all and to the end."""
+"""The mean length of an episode as a share of the time limit: a guess."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def choose_engine(config: Config, runs: int) -> Engine:
             "eager", device, "engine: eager, since there is no C++ compiler that works"
         )
     steps = int(config.situations * config.env.time_limit_steps * _MEAN_SITUATION)
-    about = f"about {steps:,} steps of {runs:,} runs"
+    about = f"about {steps:,} steps of {runs:,} run{'s' if runs > 1 else ''}"
     if steps < _WORTH_COMPILING[device.type]:
         return make_engine("eager", device, f"engine: eager, since {about} are not worth compiling")
     return make_engine("compiled", device, f"engine: compiled, since {about} are worth it")

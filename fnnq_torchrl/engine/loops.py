@@ -8,8 +8,8 @@ from tensordict import TensorDictBase
 Step = Callable[[TensorDictBase, TensorDictBase], TensorDictBase]
 """From what stays and the state to the next state, all of batch size ``[lanes]``.
 
-A state may have an entry ``over`` (bool, ``[lanes, 1]``): what becomes of a lane from then on is
-nobody's business, so it need not be stepped any further.
+A state may have an entry ``over`` (bool, ``[lanes, 1]``): such a lane is ready, and need not be
+stepped any further.
 """
 
 MakeStep = Callable[[int], Step]

@@ -43,7 +43,7 @@ class Task(Protocol):
 
 
 class Keeper(Protocol):
-    """Keeps what the workers have in hand, lest an interruption lose it."""
+    """Saves the unfinished work of all workers."""
 
     def visit(self, worker: int, jobs: Tensor, state: TensorDictBase) -> None:
         """Called after every :meth:`Task.collect`, by one worker at a time.

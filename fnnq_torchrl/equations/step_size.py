@@ -17,7 +17,7 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Direction:
-    """What may be asked of a step before it is taken; nothing is computed that nobody asks for.
+    """Lazy quantities of a step, for rules that look at it before they say α.
 
     Attributes:
         present_trace: returns z, tensors ``[*weights, runs]``.
@@ -54,7 +54,7 @@ class StepSize:
 
 
 class ObGD(StepSize):
-    """That α, bounded by :func:`obgd` in each step anew."""
+    """α bounded in every step by :func:`obgd`; the bound isn't kept."""
 
     def update(
         self, alpha: Tensor, kappa: Tensor | None, direction: Direction
@@ -66,7 +66,7 @@ class ObGD(StepSize):
 
 
 class AlphaBound(StepSize):
-    """That α, bounded by :func:`alpha_bound` for good."""
+    """α that only falls: the :func:`alpha_bound` of each step is kept."""
 
     def update(
         self, alpha: Tensor, kappa: Tensor | None, direction: Direction

@@ -17,16 +17,17 @@ from torch import Tensor
 
 
 class Credit(NamedTuple):
-    """What a step hands out, and to whom.
+    """The errors of a step, and how the trace fades before and after it.
 
     Attributes:
         past_error: what the earlier pairs get, δ for Peng's Q(λ), ``[runs]``.
         present_error: what the present pair gets, δ′, ``[runs]``.
         decay: γλ, ``[runs]``.
-        keeps: 1, or 0 where the trace is cut before it is used, ``[runs]``; None: never.
+        keeps: 0 where the trace is cut before the update, else 1, ``[runs]``; None if it is never
+            cut.
         goes_on: 1, or 0 where the episode has ended, also by truncation, ``[runs]``.
-        at_once: whether a replacing trace is replaced before it is used, as Watkins' Q(λ) has it,
-            Δw = δ′e. By Table 1 it is after, Δw = δe + δ′f.
+        at_once: whether a replacing trace takes in ∇Q before Δw (Watkins, Δw = δ′e) or after
+            (Table 1, Δw = δe + δ′f).
     """
 
     past_error: Tensor

@@ -173,8 +173,7 @@ def _run_batch(
     # Mostly the disk is waited for; but Matplotlib knows one thread only.
     with ThreadPoolExecutor(1 if pictures else _WRITERS) as pool:
         results = [*pool.map(write, others)]
-    # The last, where the training is saved, is finished only after all others that can be: whoever
-    # computes again what is missing goes on from there.
+    # The last job's directory holds training.pt, so its files are written last: a restart resumes.
     unwritten = next((result for result in results if isinstance(result, OSError)), None)
     results.append(unwritten or write(last))
     if isinstance(results[-1], OSError):

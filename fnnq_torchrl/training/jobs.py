@@ -35,4 +35,4 @@ class JobFailed(Exception):
 
 
 Result = float | Exception | None
-"""Of a job: its objective, which training has, or why there is none."""
+"""A job's objective, or the error that it ended with."""

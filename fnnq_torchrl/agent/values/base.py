@@ -18,7 +18,7 @@ class ValueNetwork(nn.Module, ABC):
     """
 
     schema: ClassVar[type[ValueConfig]]
-    """What ``conf/value/`` says of it, for those that it has."""
+    """The schema of its configuration."""
 
     candidates: Tensor
 

@@ -17,7 +17,7 @@ from fnnq_torchrl.training.results import CONFIDENCE
 from .claims import CLAIMS, Claim, Comparison, Settings
 from .markdown import interval_words, table
 from .pool import Pool, default_settings, words
-from .verdicts import MATTERS, Verdict, compare, quick_verdict, together, verdict_shares
+from .verdicts import MATTERS, Compared, Verdict, compare, quick_verdict, together, verdict_shares
 
 PAPER_RUNS = 22
 
@@ -172,46 +172,52 @@ def _summary(rows: Sequence[Sequence[str]]) -> str:
 
 
 def _claim(pool: Pool, claim: Claim) -> tuple[list[str], str]:
-    """A row of the summary, and the claim's section."""
-    rows, verdicts, effects, most = [], {}, [], 0
-    for runs in (PAPER_RUNS, None):
-        found = [compare(pool, comparison, {}, runs) for comparison in claim.comparisons]
-        verdicts[runs] = together([each.verdict for each in found])
-        for comparison, each in zip(claim.comparisons, found, strict=True):
-            difference = each.difference
-            rows.append(
-                [
-                    _comparison(comparison),
-                    f"{each.runs:,}",
-                    f"{interval_words(each.ours)}, IQM {each.ours_iqm:.2f}",
-                    f"{interval_words(each.theirs)}, IQM {each.theirs_iqm:.2f}",
-                    interval_words(difference.mean, signed=True),
-                    f"{difference.effect:+.2f}",
-                    interval_words(difference.improvement),
-                    _count(difference),
-                    each.verdict.value,
-                ]
-            )
-        effects = [
-            f"{words(comparison.ours)} − {words(comparison.theirs)}: "
-            f"{interval_words(each.difference.mean, signed=True)}"
-            for comparison, each in zip(claim.comparisons, found, strict=True)
-        ]
-        most = min(each.runs for each in found)
+    """Return the claim's row of the summary, and its section."""
+    few, whole = (
+        [compare(pool, comparison, {}, runs) for comparison in claim.comparisons]
+        for runs in (PAPER_RUNS, None)
+    )
+    of_few, of_whole = (together([each.verdict for each in found]).value for found in (few, whole))
+    most = min(each.runs for each in whole)
     samples, shares = verdict_shares(pool, claim, PAPER_RUNS)
     parts = ", ".join(f"{share:.0%} «{each.value}»" for each, share in shares.items())
     head = ["", "seeds", "first", "second", "difference", "d", "P", "n", ""]
+    rows = [
+        _row(comparison, each)
+        for found in (few, whole)
+        for comparison, each in zip(claim.comparisons, found, strict=True)
+    ]
     lines = [
         f"## «{claim.words}» ({claim.place})\n",
-        f"{claim.reading} **Over {PAPER_RUNS} seeds: {verdicts[PAPER_RUNS].value}; "
-        f"over {most:,}: {verdicts[None].value}.**\n",
+        f"{claim.reading} **Over {PAPER_RUNS} seeds: {of_few}; over {most:,}: {of_whole}.**\n",
         table(head, rows),
         f"With {PAPER_RUNS} seeds of one's own one would have found: {parts} "
         f"(of {samples:,} samples).\n",
         _elsewhere(pool, claim),
     ]
-    summary = [f"«{claim.words}»", claim.place, verdicts[PAPER_RUNS].value]
-    return [*summary, f"{verdicts[None].value} ({most:,})", "; ".join(effects)], "\n".join(lines)
+    effects = [
+        f"{words(comparison.ours)} − {words(comparison.theirs)}: "
+        f"{interval_words(each.difference.mean, signed=True)}"
+        for comparison, each in zip(claim.comparisons, whole, strict=True)
+    ]
+    summary = [f"«{claim.words}»", claim.place, of_few]
+    return [*summary, f"{of_whole} ({most:,})", "; ".join(effects)], "\n".join(lines)
+
+
+def _row(comparison: Comparison, found: Compared) -> list[str]:
+    """Return a comparison's row of a claim's table."""
+    difference = found.difference
+    return [
+        _comparison(comparison),
+        f"{found.runs:,}",
+        f"{interval_words(found.ours)}, IQM {found.ours_iqm:.2f}",
+        f"{interval_words(found.theirs)}, IQM {found.theirs_iqm:.2f}",
+        interval_words(difference.mean, signed=True),
+        f"{difference.effect:+.2f}",
+        interval_words(difference.improvement),
+        _count(difference),
+        found.verdict.value,
+    ]
 
 
 def _comparison(comparison: Comparison) -> str:

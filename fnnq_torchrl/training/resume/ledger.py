@@ -1,4 +1,4 @@
-"""What is done so far of a batch's work, which can be saved and gone on from."""
+"""The progress of a batch, which can be saved and gone on from."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,7 +16,7 @@ from fnnq_torchrl.training.resume.snapshots import SnapshotBook
 
 
 class Ledger:
-    """Of every run: its snapshots, the situations learned from and played, and the time it took.
+    """The progress of a batch: snapshots, situations learned and played, and seconds.
 
     Attributes:
         book: the snapshots.
