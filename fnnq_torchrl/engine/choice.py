@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 from tensordict import TensorDictBase
 from torch._subclasses.fake_tensor import DataDependentOutputException
+from torch.fx.experimental.symbolic_shapes import GuardOnDataDependentSymNode
 
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.engine.loops import EagerLoop, Loop, MakeLoop, MakeStep
@@ -110,7 +111,7 @@ def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBa
         return NativeLoop(make_step, stays, state)
     except RunsMixed as error:
         raise ConfigError(f"engine=compiled: {error}") from error
-    except DataDependentOutputException as error:
+    except (DataDependentOutputException, GuardOnDataDependentSymNode) as error:
         raise ConfigError(
             "engine=compiled: a world or a value function looks at its data, as if does; "
             "torch.where doesn't, and engine=eager takes it as it is"

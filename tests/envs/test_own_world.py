@@ -80,6 +80,18 @@ def test_eager_and_compiled_learn_the_same(there: Path) -> None:
     torch.testing.assert_close(*weights, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.usefixtures("compiler")
+def test_one_that_looks_at_its_data_is_told_so_by_the_compiler(there: Path) -> None:
+    right = "        reward = there"
+    text = (there / "point.py").read_text()
+    assert right in text
+    looks = text.replace(right, f"        if there.any():\n            there = ~~there\n{right}", 1)
+    (there / "looking_point.py").write_text(looks)
+    looking = config(there, "task=point", "env.kind=looking_point:Point", "engine=compiled")
+    with pytest.raises(ConfigError, match=r"^engine=compiled: a world .* looks at its data"):
+        Trainer.of(looking).learn()
+
+
 def test_it_is_one_word_on_the_command_line(there: Path) -> None:
     arguments = ("--config-dir", "my_conf", "task=point", "situations=5", "engine=eager")
     assert fnnq_train(*arguments, f"hydra.run.dir={there / 'job'}") == 0
