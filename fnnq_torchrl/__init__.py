@@ -26,8 +26,8 @@ _HOMES = {
     "load_checkpoint": "training.weights",
     "load_config": "launch.composition",
     "load_policy": "training.policies",
-    "make_candidates": "agent.candidates",
     "load_snapshots": "training.weights",
+    "make_candidates": "agent.candidates",
     "read_evaluations": "training.results",
     "read_summary": "training.results",
 }

@@ -143,7 +143,7 @@ def whole_or_rows(low: int, row: str) -> Any:
 
 
 def or_null(declared: Any) -> Any:
-    """What another range holds, or nothing, ``null``."""
+    """The same range, which also holds ``null``."""
     range_: Range = declared.metadata[_RANGE]
     return _declare(lambda value: value is None or range_.holds(value), f"{range_.words}, or null")
 

@@ -24,7 +24,7 @@ class WorldConfig(Parameters, ABC):
     time_limit_steps: int = whole(1)
 
     measure: ClassVar[str] = "successes"
-    """What a test's score is: ``successes``, ``return``, or ``length``, of which less is better."""
+    """The score of a test: ``successes``, ``return``, or ``length``, of which less is better."""
 
     start_values: ClassVar[tuple[str, ...]] = ()
     """The numbers that a fixed start consists of; a world without any has random starts only."""

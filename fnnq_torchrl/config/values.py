@@ -41,7 +41,7 @@ ACTIVATIONS = ("tanh", "relu", "leaky_relu")
 
 @dataclass
 class ValueConfig(Parameters):
-    """What every value function has: its kind, and inputs by the names of observations."""
+    """The keys of every value function: its kind, and its inputs by the names of observations."""
 
     kind: str = matching(*KIND)
 

@@ -1,4 +1,4 @@
-"""What runs the steps: Python, one after the other, or a native loop compiled from them."""
+"""The choice of an engine: Python runs the steps one by one, or a loop compiled from them does."""
 
 import logging
 import os

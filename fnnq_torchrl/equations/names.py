@@ -5,10 +5,10 @@ The registries have a class for each: :data:`.q_lambda.VARIANTS`, :data:`.traces
 """
 
 VARIANTS = ("peng", "watkins", "naive")
-"""Whose Q(λ) it is."""
+"""The variants of Q(λ)."""
 
 TRACES = ("output", "gradient", "replacing", "window")
-"""What the trace is; the first two are the readings of step h."""
+"""The kinds of trace; the first two are the readings of step h."""
 
 STEP_SIZES = ("decay", "constant", "obgd", "alpha_bound")
 """The rules for the size of a step."""

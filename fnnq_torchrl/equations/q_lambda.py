@@ -40,7 +40,7 @@ def td_errors(
 
 
 class Variant(NamedTuple):
-    """Whose Q(λ) it is.
+    """A variant of Q(λ).
 
     Attributes:
         past_gets_td_error: the earlier pairs get δ; else they get δ′, as the present pair does.

@@ -39,11 +39,11 @@ class Credit(NamedTuple):
 
 
 Credited = list[tuple[Tensor, Tensor]]
-"""Of each tensor of weights, the direction Δw and the new trace."""
+"""For each tensor of weights, the direction Δw and the new trace."""
 
 
 class Trace(ABC):
-    """What every trace does."""
+    """The interface of every trace."""
 
     @classmethod
     def of(cls, window: int | None) -> Self:

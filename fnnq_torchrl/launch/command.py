@@ -41,7 +41,7 @@ RunJob = Callable[[Config, Path], float | None]
 
 
 class Task:
-    """What a command does with what Hydra composes: a job, or the jobs of a multirun.
+    """The two things a command does with what Hydra composes: one job, or a multirun's jobs.
 
     Args:
         job: does one job.

@@ -22,7 +22,7 @@ FIRST_EPISODE = 2**32
 
 @dataclass(frozen=True)
 class GreedyTest:
-    """What is played, and by which policy.
+    """The world that an evaluation plays in, and the policy that plays.
 
     Attributes:
         world: in which to play.

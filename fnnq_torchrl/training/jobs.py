@@ -23,7 +23,7 @@ SNAPSHOTS = "snapshots.pt"
 
 @dataclass(frozen=True)
 class Job:
-    """What to train, and the directory for what it writes; that of its sweep, if there is one."""
+    """A job's configuration, the directory it writes to, and the directory of its sweep if any."""
 
     config: Config
     directory: Path

@@ -184,10 +184,10 @@ class Trainer:
 
     @property
     def learning_steps(self) -> int:
-        """Of all runs together, each up to the end of its last situation."""
+        """The steps learned by all runs together, each up to the end of its last situation."""
         return int(self.ledger.book.pages["steps"][-1].sum())
 
     @property
     def weights(self) -> TensorDict:
-        """What was learned, by the names of the network's parameters, ``[runs, *weights]``."""
+        """The learned weights by the names of the network's parameters, ``[runs, *weights]``."""
         return self.ledger.book.pages[-1]["weights"]
