@@ -56,8 +56,9 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         low, high = np.array([*config.observations.values()], dtype=np.float32).T
         self.observation_space = Box(low, high, dtype=np.float32)
         self.action_space = Discrete(self._candidates.numel())
-        self.world = make_world(config)
-        self._seed, self._episode = 0, -1
+        self.world = make_world(config, seed=0)  # every start names its own seed
+        self._seed: int | None = None
+        self._episode = -1
         self._state: TensorDictBase | None = None
 
     def reset(
@@ -66,8 +67,8 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         """The next situation, or one that is asked for.
 
         Args:
-            seed: of the run, in [0, 2⁶³), which begins anew with its episode 0. Before the first
-                seed it is 0.
+            seed: of the run, in [0, 2⁶³), which begins again with its episode 0. A world that was
+                never given one draws its own from ``np_random``, as Gymnasium's worlds do.
             options: ``episode``, the number of the situation within the run, in [0, 2³³);
                 ``start``, the numbers of a fixed start, instead of a random one.
 
@@ -82,13 +83,17 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         for name in options:
             raise OutOfRange("options", name, "episode or start")
         begins = None if start is None else torch.tensor(self._start(start))
-        run = self._seed if seed is None else _whole("seed", seed, 0, _SEEDS)
+        run = None if seed is None else _whole("seed", seed, 0, _SEEDS)
         if episode is None:
             episode = self._episode + 1 if seed is None else 0
         episode = _whole("episode", episode, 0, _EPISODES)
         super().reset(seed=seed)
-        self._seed, self._episode = run, episode
-        self._state = self.world.start(torch.tensor([run]), torch.tensor([episode]), begins)
+        if run is not None:
+            self._seed = run
+        elif self._seed is None:
+            self._seed = int(self.np_random.integers(_SEEDS))
+        self._episode = episode
+        self._state = self.world.start(torch.tensor([self._seed]), torch.tensor([episode]), begins)
         return self._see(self._state), {"is_success": False}
 
     def step(

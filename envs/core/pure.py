@@ -18,6 +18,9 @@ from envs.core.world import WorldConfig
 WHEN = "seed", "episode", "step"
 """The entries that key the random numbers: int64, ``[*batch_size, 1]``."""
 
+_DRAWN_SEEDS = 2**62
+"""The number of seeds among which an unseeded world draws; the runs' own follow it."""
+
 Entries = dict[str, Tensor]
 
 
@@ -55,7 +58,8 @@ class PureEnv(EnvBase):
         situations: fixed starts, of a shape that broadcasts to ``[*batch_size, values]``
             (:attr:`envs.core.world.WorldConfig.start_values`); random ones by default.
         seed: an integer (run i of the batch gets ``seed + i``) or the seeds themselves, int64 of
-            shape ``batch_size``.
+            shape ``batch_size``. By default a random integer from torch's default generator, so
+            worlds differ from each other, and ``torch.manual_seed`` repeats them.
         dtype: of everything real.
         device: of everything.
 
@@ -77,7 +81,7 @@ class PureEnv(EnvBase):
         batch_size: Sequence[int] = (),
         *,
         situations: Tensor | None = None,
-        seed: int | Tensor = 0,
+        seed: int | Tensor | None = None,
         dtype: torch.dtype = torch.float32,
         device: torch.device | str | None = None,
     ) -> None:
@@ -88,7 +92,7 @@ class PureEnv(EnvBase):
             values = len(world.start_values)
             situations = situations.to(device, dtype).expand(*self.batch_size, values).clone()
         self.register_buffer("situations", situations)
-        self.seed_runs(seed)
+        self.seed_runs(int(torch.randint(_DRAWN_SEEDS, ())) if seed is None else seed)
         self._make_specs()
 
     @abstractmethod

@@ -35,7 +35,7 @@ class FollowOneSide(FollowBall):
         return side * (side * seen_rad).clamp(min=-self.world.other_view_rad)
 
     def _side(self, episode: Tensor) -> Tensor | float:
-        """Return the sign of the angles at which the ball starts: 1 on the left, −1 on the right."""
+        """Return the side on which the ball starts: 1 for the left, −1 for the right."""
         first = 1.0 if self.world.start_side == "left" else -1.0
         if not self.world.switch_side_after:
             return first

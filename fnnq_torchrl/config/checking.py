@@ -55,7 +55,7 @@ class UnknownKey(ConfigError):
 
     def __str__(self) -> str:
         given = self.key if self.value is None else f"{self.key}={self.value}"
-        return f"{given}: there is no {self.key}; {_advice(self.key, self.kinds)}"
+        return f"{given}: {_advice(self.key, self.kinds)}"
 
 
 def to_config(node: DictConfig | dict[str, Any], *, own: bool = False) -> Config:
@@ -124,9 +124,9 @@ def refusal(
     """
     key, ranges = error.full_key or "", ranges_of(kinds)
     if isinstance(error, ConfigKeyError | ConfigAttributeError):
-        return UnknownKey(key, given, kinds or {})
-    # What stands in a mapping has no range of its own but the mapping's.
-    words = ranges.get(key) or ranges.get(_group(key))
+        return UnknownKey(key, given, kinds or _kind_beside(error))
+    # The range of an entry is that of its list or mapping.
+    words = ranges.get(key) or ranges.get(key.partition("[")[0]) or ranges.get(_group(key))
     if below := [_name(each) for each in ranges if each.startswith(f"{key}.")]:
         words = words or f"a mapping of {', '.join(below)}"
     if isinstance(error, MissingMandatoryValue) and words:
@@ -135,6 +135,15 @@ def refusal(
         value = getattr(error, "value", None)
         return OutOfRange(key, given if value is None else value, words)
     return ConfigError(f"{key}: {str(error).splitlines()[0]}")
+
+
+def _kind_beside(error: OmegaConfBaseException) -> Kinds:
+    """Return the kind of the group in which a key is unknown, if it is one of ours."""
+    group = _group(error.full_key or "")
+    if group not in _OF_KINDS or not isinstance(error.parent_node, DictConfig):
+        return {}
+    kind = OmegaConf.select(error.parent_node, "kind")
+    return {group: kind} if kind in _OF_KINDS[group] else {}
 
 
 def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
@@ -153,19 +162,21 @@ def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
 
 
 def _advice(unknown: str, kinds: Kinds) -> str:
-    """Points to the key of the same name elsewhere, or to the nearest spelling beside it."""
-    group = unknown.partition(".")[0]
-    of_kinds = _OF_KINDS.get(group, {}).items()
-    if owners := [kind for kind, schema in of_kinds if unknown in allowed(schema, f"{group}.")]:
-        return f"{group}={' or '.join(owners)} has one"
+    """Say who has such a key: another kind, another group, or this one in another spelling."""
+    group, _, name = unknown.partition(".")
+    schemas, missing = _OF_KINDS.get(group, {}), f"there is no {unknown}"
+    if owners := [kind for kind in schemas if unknown in allowed(schemas[kind], f"{group}.")]:
+        if kind := kinds.get(group):
+            missing = f"{group}{'' if kind in schemas else '.kind'}={kind} has no {name}"
+        return f"{missing}; it belongs to {group}={' or '.join(owners)}"
     keys = [*ranges_of(kinds)]
     keys += dict.fromkeys(_group(key) for key in keys if _group(key))
     beside = {_name(key): key for key in keys if _group(key) == _group(unknown)}
     same = [key for key in keys if _name(key) == _name(unknown)]
     near = difflib.get_close_matches(_name(unknown), beside, n=1)
     if meant := same or [beside[name] for name in near]:
-        return f"did you mean {' or '.join(meant)}?"
-    return f"there is {', '.join(beside.values()) or _group(unknown)}"
+        return f"{missing}; did you mean {' or '.join(meant)}?"
+    return f"{missing}; there is {', '.join(beside.values()) or _group(unknown)}"
 
 
 def _group(key: str) -> str:
