@@ -121,7 +121,7 @@ MISTAKES = {
     "no success": (
         ', "success": there}',
         "}",
-        "its transition has no success, which its measure counts",
+        "its transition returns no success, which its measure counts",
     ),
     "no observation": (
         '"y_m": y_m, "reward"',
