@@ -23,25 +23,25 @@ _SEEDS, _EPISODES = 2**63, 2**33
 
 
 class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
-    """A single run of one of our worlds, which does all the arithmetic.
+    """A single run of one of our worlds.
 
-    * Observations: the world's, in the order of their names in its configuration (float32).
+    * Observations: the world's, in the order of its configuration (float32).
     * Actions: the number of one of its fixed set, or of a candidate in its range.
-    * ``info["is_success"]``: whether the episode has ended, and succeeded.
+    * ``info["is_success"]``: whether the episode has ended with a success.
 
-    Random numbers are the run's own (:mod:`envs.core.streams`), not those of ``np_random``: a seed
-    and an episode's number have the same situation here as in any batch.
+    A run's random numbers come from its seed (:mod:`envs.core.streams`), not from ``np_random``: a
+    seed and an episode's number give the same situation here as in any batch.
 
     Attributes:
-        world: the environment behind it.
+        world: the TorchRL environment that is stepped.
 
     Args:
         config: the world's parameters (``conf/env/follow_ball.yaml`` has the paper's).
-        candidates: how many actions of a range there are (``conf/action/even.yaml``), evenly
-            spaced, at least 2; none for a world with a fixed set.
+        candidates: the number of evenly spaced actions of a range, at least 2
+            (``conf/action/even.yaml``); not used for a world with a fixed set.
 
     Raises:
-        OutOfRange: there are fewer.
+        OutOfRange: there are fewer candidates.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # as Gymnasium declares it
@@ -56,18 +56,19 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         low, high = np.array([*config.observations.values()], dtype=np.float32).T
         self.observation_space = Box(low, high, dtype=np.float32)
         self.action_space = Discrete(self._candidates.numel())
-        self.world = make_world(config)
-        self._seed, self._episode = 0, -1
+        self.world = make_world(config, seed=0)  # every start names its own seed
+        self._seed: int | None = None
+        self._episode = -1
         self._state: TensorDictBase | None = None
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """The next situation, or one that is asked for.
+        """Begin the next situation, or the given one.
 
         Args:
-            seed: of the run, in [0, 2⁶³), which begins anew with its episode 0. Before the first
-                seed it is 0.
+            seed: of the run, in [0, 2⁶³), which begins again with its episode 0. A world that was
+                never given one draws its own from ``np_random``, as Gymnasium's worlds do.
             options: ``episode``, the number of the situation within the run, in [0, 2³³);
                 ``start``, the numbers of a fixed start, instead of a random one.
 
@@ -82,19 +83,23 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         for name in options:
             raise OutOfRange("options", name, "episode or start")
         begins = None if start is None else torch.tensor(self._start(start))
-        run = self._seed if seed is None else _whole("seed", seed, 0, _SEEDS)
+        run = None if seed is None else _whole("seed", seed, 0, _SEEDS)
         if episode is None:
             episode = self._episode + 1 if seed is None else 0
         episode = _whole("episode", episode, 0, _EPISODES)
         super().reset(seed=seed)
-        self._seed, self._episode = run, episode
-        self._state = self.world.start(torch.tensor([run]), torch.tensor([episode]), begins)
+        if run is not None:
+            self._seed = run
+        elif self._seed is None:
+            self._seed = int(self.np_random.integers(_SEEDS))
+        self._episode = episode
+        self._state = self.world.start(torch.tensor([self._seed]), torch.tensor([episode]), begins)
         return self._see(self._state), {"is_success": False}
 
     def step(
         self, action: np.int64 | int
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """One step of the world.
+        """Take one step of the world.
 
         Args:
             action: the index of a candidate.
@@ -127,7 +132,7 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         return seen
 
     def _start(self, start: Any) -> list[float]:
-        """Return a fixed start, if it has finite numbers, as many as the world wants."""
+        """Return a fixed start as numbers; it must be finite and as long as the world's starts."""
         values = self.world.world.start_values
         try:
             numbers = [*map(float, start)]
@@ -139,7 +144,7 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
 
 
 def _whole(name: str, value: Any, low: int, end: int) -> int:
-    """The value, if it is a whole number from low to before the end."""
+    """Return the value as an int; it must be a whole number in [low, end)."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not (whole and low <= value < end):
         raise OutOfRange(name, value, f"a whole number in [{low}, {end})")

@@ -1,4 +1,4 @@
-"""The schemas of our worlds by their kinds, known before torch is loaded."""
+"""The schemas of our worlds by their kinds. No torch here."""
 
 from envs.core.world import WorldConfig
 from envs.robot.schemas import FollowBallConfig, FollowOneSideConfig

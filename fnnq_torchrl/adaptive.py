@@ -1,4 +1,4 @@
-"""Writes what adaptive step sizes do: ``python -m fnnq_torchrl.adaptive``."""
+"""Write the page on adaptive step sizes: ``python -m fnnq_torchrl.adaptive``."""
 
 from fnnq_torchrl.studies.adaptive.command import main
 

@@ -1,4 +1,4 @@
-"""Writes what becomes of Q where nothing was seen: ``python -m fnnq_torchrl.extrapolation``."""
+"""Write the page on Q in unseen states: ``python -m fnnq_torchrl.extrapolation``."""
 
 from fnnq_torchrl.studies.extrapolation.command import main
 

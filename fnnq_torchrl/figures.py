@@ -1,4 +1,4 @@
-"""Draws the figures of all experiments: ``python -m fnnq_torchrl.figures``."""
+"""Draw the figures of all experiments: ``python -m fnnq_torchrl.figures``."""
 
 from fnnq_torchrl.studies.figures.command import main
 

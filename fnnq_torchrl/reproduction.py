@@ -1,4 +1,4 @@
-"""Writes which of the paper's claims hold: ``python -m fnnq_torchrl.reproduction``."""
+"""Write the page on the paper's claims: ``python -m fnnq_torchrl.reproduction``."""
 
 from fnnq_torchrl.studies.reproduction.command import main
 

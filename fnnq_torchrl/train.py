@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def train(config: Config, directory: Path) -> float:
-    """Train what the configuration says and write the results into ``directory``."""
+    """Train the job of a configuration, and write its results into ``directory``."""
     from fnnq_torchrl.training.job import run_job  # after the checks: torch takes seconds to import
 
     return run_job(config, directory)

@@ -1,6 +1,6 @@
-"""The launcher and the sweeper of fnnq_torchrl, where Hydra looks for plugins.
+"""The launcher and the sweeper of fnnq_torchrl, in the package where Hydra looks for plugins.
 
-Every Hydra application on a machine imports this file if it is installed there, so it is light.
+Every Hydra application in the same Python environment imports this file, so it must be light.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,10 +17,10 @@ from omegaconf import DictConfig
 
 
 class BatchLauncher(Launcher):
-    """Hands the jobs of a multirun to the task of the command, which runs them in batches.
+    """A launcher that hands the jobs of a multirun to the command's task, which batches them.
 
     Args:
-        **settings: those of ``conf/hydra/launcher/batch.yaml``.
+        **settings: the keys of ``conf/hydra/launcher/batch.yaml``.
     """
 
     def __init__(self, **settings: Any) -> None:
@@ -36,21 +36,21 @@ class BatchLauncher(Launcher):
     def launch(
         self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int
     ) -> Sequence[JobReturn]:
-        """Run some jobs, and return what became of them in their order."""
+        """Run the jobs, and return their results in order."""
         returns: list[JobReturn] = self._task.launch(job_overrides, initial_job_idx)
         return returns
 
 
 class BatchSweeper(BasicSweeper):
-    """Hydra's own sweeper, over several grids, one after the other.
+    """Hydra's basic sweeper over several grids, one after the other.
 
-    It leaves it to the launcher to compose the jobs, which is faster.
+    The launcher composes the jobs, which is faster.
 
     Args:
-        cases: each a grid, keys with their values as on the command line; ``{}`` is a single job.
-        params: swept within every case, as are sweeps on the command line, which come last: they
-            replace what a case says of their keys.
-        max_batch_size: jobs that are launched together; all, if not given.
+        cases: a list of grids, keys with their values as on the command line; ``{}`` is one job.
+        params: keys swept within every case. Sweeps on the command line are, too, and replace the
+            values of a case or of ``params``.
+        max_batch_size: the number of jobs launched together; by default all.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class BatchSweeper(BasicSweeper):
     def split_arguments(  # type: ignore[override]  # the base has it static, and calls it on self
         self, overrides: list[Override], max_batch_size: int | None
     ) -> list[list[list[str]]]:
-        """Return the batches of jobs, each job a list of overrides; no job comes twice.
+        """Return the batches of jobs, each job a list of overrides, without duplicates.
 
         Raises:
             HydraException: the cases aren't grids, or one of the sweeps is empty.
@@ -77,7 +77,9 @@ class BatchSweeper(BasicSweeper):
             )
         for override in overrides:
             if override.is_discrete_sweep() and not any(True for _ in override.sweep_iterator()):
-                raise HydraException(f"{override.input_line}: there is no value in it")
+                raise HydraException(
+                    f"{override.input_line}: must have at least one value to sweep"
+                )
         parser = OverridesParser.create()
         jobs: dict[tuple[str, ...], None] = {}
         for case in cases:

@@ -48,7 +48,7 @@ def make_learner(
     dtype = getattr(torch, config.machine.dtype)
     candidates = make_candidates(config, dtype)
     return Learner(
-        make_world(config.env, [len(run)], dtype=dtype),
+        make_world(config.env, [len(run)], seed=0, dtype=dtype),
         network or make_value_network(config.value, candidates, len(run)),
         rule=Rule(config.variant, config.trace, config.window),
         step_size=make_step_size(config.step_size),

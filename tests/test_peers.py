@@ -67,7 +67,7 @@ def test_torchrls_learner_chooses_among_the_same_actions():
     from benchmarks.peers.torchrl_dqn import discrete
 
     config = load_config()
-    env = discrete(FollowBall(config.env), config.action.candidates)
+    env = discrete(FollowBall(config.env, seed=0), config.action.candidates)
     check_env_specs(env)
     assert env.action_spec.shape == ()
     state = env.reset()

@@ -77,7 +77,7 @@ def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]
     tests = torch.tensor(config.evaluation.situations)
     candidates = make_candidates(config)
     lanes = len(networks) * len(tests)
-    env = FollowBall(config.env, [lanes])
+    env = FollowBall(config.env, [lanes], seed=0)
     episode = FIRST_EPISODE + torch.arange(lanes).unsqueeze(-1)
     state = env.start(torch.full_like(episode, seed), episode, tests.repeat(len(networks), 1))
     caught = torch.zeros(lanes, 1, dtype=torch.bool)

@@ -1,1 +1,1 @@
-"""What every world is made of: the pure environment, random numbers, typed parameters."""
+"""The parts of every world: the pure environment, random numbers, typed parameters."""

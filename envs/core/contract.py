@@ -1,4 +1,4 @@
-"""A check of a world: one step, and one line on what is wrong with it."""
+"""A check of a world, which takes one step and reports a fault in one line."""
 
 from collections.abc import Iterable
 
@@ -10,19 +10,20 @@ from envs.core.pure import PureEnv
 
 
 def check_world(env: PureEnv) -> None:
-    """Take a step in a world, and refuse the world if something of it is missing or misshapen.
+    """Take a step in a world, and refuse the world if an entry is missing or misshapen.
 
     Args:
-        env: any, with at least two runs.
+        env: the world, with at least two runs.
 
     Raises:
-        ConfigError: its first step fails, or an entry is missing or has another shape or dtype than
+        ConfigError: the step fails, or an entry is missing or doesn't have the shape and dtype of
             its spec.
     """
     with torch.no_grad():
         try:
             start = env.reset()
-            after = env._step(env.rand_action(start))  # as it is: TorchRL's own step would mend it
+            # Not TorchRL's own step, which would mend what is wrong.
+            after = env._step(env.rand_action(start))
             again = env.restart(after)
             said = env.transition({**start}, start["action"])
         except Exception as error:  # the world's own code may raise anything
@@ -32,8 +33,8 @@ def check_world(env: PureEnv) -> None:
             ) from error
     if env.world.measure == "successes" and "success" not in said:
         raise ConfigError(
-            f"env.kind={env.world.kind}: its transition has no success, which its measure counts; "
-            "measure = 'return' or 'length' needs none"
+            f"env.kind={env.world.kind}: its transition returns no success, which its measure "
+            "counts; return one, or set measure = 'return' or 'length'"
         )
     specs = {**env.observation_spec, **env.done_spec, "reward": env.reward_spec}
     carried = [key for key in env.observation_spec if key != "success"]

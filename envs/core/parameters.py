@@ -1,10 +1,10 @@
-"""Ranges: what a field of a dataclass of parameters may hold, said once, beside the field.
+"""Dataclasses of parameters, whose fields are declared with the range of their values.
 
-A field is declared without a default, since defaults live in the YAML files alone::
+A field has no default, since defaults stand in the YAML files alone::
 
     speed_mps: float = number(above=0)
 
-`check` refuses an instance with a value outside its range; `allowed` says every range in words.
+`check` refuses an instance with a value outside its range; `allowed` gives every range in words.
 """
 
 import re
@@ -14,11 +14,11 @@ from math import inf
 from typing import Any, get_args, get_type_hints
 
 MOST = 2**63 - 1
-"""The greatest whole number: tensors hold no greater one."""
+"""The greatest whole number that a tensor holds."""
 
 
 class ConfigError(ValueError):
-    """A mistake of the user's; its text is one line that says what to change."""
+    """A mistake in the user's input; its text is one line that says what to change."""
 
 
 class OutOfRange(ConfigError):
@@ -26,12 +26,12 @@ class OutOfRange(ConfigError):
 
     Args:
         key: the key with its groups, as in ``env.speed_mps``.
-        value: what was given.
-        allowed: what may stand there, in words that complete "must be".
+        value: the value given.
+        allowed: the values that the key allows, in words that complete "must be".
     """
 
     def __init__(self, key: str, value: object, allowed: str) -> None:
-        super().__init__(key, value, allowed)  # all three: that is what unpickling passes
+        super().__init__(key, value, allowed)  # all three, which unpickling passes again
         self.key, self.value, self.allowed = key, value, allowed
 
     def __str__(self) -> str:
@@ -42,13 +42,13 @@ class Parameters:
     """Base of the dataclasses whose fields are declared with their ranges."""
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """The values that are fine alone but not together, for `check` to raise."""
+        """Yield the values that are allowed alone but not together; `check` raises the first."""
         yield from ()
 
 
 @dataclass(frozen=True)
 class Range:
-    """A set of values: the test for membership, and the same in words."""
+    """A set of values: a test of whether it holds a value, and its description in words."""
 
     holds: Callable[[Any], bool]
     words: str
@@ -76,14 +76,14 @@ def one_of(*choices: str) -> Any:
 
 
 def matching(pattern: str, words: str) -> Any:
-    """A text that the regular expression matches from end to end; `words` tell the user which."""
+    """A text that a regular expression matches as a whole; `words` describe it to the user."""
     return _declare(
         lambda value: isinstance(value, str) and re.fullmatch(pattern, value) is not None, words
     )
 
 
 def pairs(first: str, second: str, *, above: float = -inf) -> Any:
-    """A list of pairs of finite numbers, at least one, the second number of each > `above`."""
+    """A list of at least one pair of finite numbers, each with a second number > `above`."""
 
     def holds(value: Any) -> bool:
         return (
@@ -97,7 +97,7 @@ def pairs(first: str, second: str, *, above: float = -inf) -> Any:
 
 
 def texts(most: int) -> Any:
-    """A list of texts, empty or not, each of 1 to `most` letters."""
+    """A list of texts, each of 1 to `most` letters; it may be empty."""
     return _declare(
         lambda value: (
             isinstance(value, list)
@@ -116,7 +116,7 @@ def rising_pair(first: str, second: str) -> Any:
 
 
 def wholes(low: int) -> Any:
-    """A list of whole numbers, at least one, each at least `low`."""
+    """A list of at least one whole number, each at least `low`."""
     return _declare(
         lambda value: (
             isinstance(value, list)
@@ -128,7 +128,7 @@ def wholes(low: int) -> Any:
 
 
 def whole_or_rows(low: int, row: str) -> Any:
-    """A whole number, at least `low`, or a list of rows of finite numbers, at least one."""
+    """A whole number, at least `low`, or a list of at least one row of finite numbers."""
 
     def holds(value: Any) -> bool:
         if _is_whole(value):
@@ -143,7 +143,7 @@ def whole_or_rows(low: int, row: str) -> Any:
 
 
 def or_null(declared: Any) -> Any:
-    """The same range, which also holds ``null``."""
+    """A declared range, extended by ``null``."""
     range_: Range = declared.metadata[_RANGE]
     return _declare(lambda value: value is None or range_.holds(value), f"{range_.words}, or null")
 
@@ -154,19 +154,19 @@ def flag() -> Any:
 
 
 def parameters(kinds: Iterable[str]) -> Any:
-    """The parameters of one of several kinds, which its entry ``kind`` names."""
+    """The parameters of one of several kinds, named by the entry ``kind``."""
     return _declare(
         lambda value: isinstance(value, Parameters), f"the values of one of: {', '.join(kinds)}"
     )
 
 
 def check(parameters: Parameters, prefix: str = "") -> None:
-    """Refuses parameters with a value outside its range, nested dataclasses included.
+    """Refuse parameters with a value outside its range, nested dataclasses included.
 
     Args:
-        parameters: an instance of a dataclass whose fields carry ranges. The range of a mapping
-            is the range of each of its values.
-        prefix: what the keys begin with, ``env.`` for the fields of a nested ``env``.
+        parameters: an instance of a dataclass whose fields have ranges. The range of a mapping
+            applies to each of its values.
+        prefix: the beginning of every key, as ``env.`` for the fields of a nested ``env``.
 
     Raises:
         OutOfRange: for the first such value.
@@ -176,7 +176,7 @@ def check(parameters: Parameters, prefix: str = "") -> None:
         if isinstance(value, Parameters):
             check(value, f"{key}.")
             continue
-        if value is None and _RANGE not in item.metadata:  # a group that isn't chosen
+        if value is None and _RANGE not in item.metadata:  # an optional group, not chosen
             continue
         if _is_whole(value) and value > MOST:
             raise OutOfRange(key, value, f"at most 2**63 - 1 = {MOST}")
@@ -190,11 +190,11 @@ def check(parameters: Parameters, prefix: str = "") -> None:
 
 
 def allowed(schema: type[Parameters], prefix: str = "") -> dict[str, str]:
-    """What each key may hold, in words that complete "must be".
+    """Return the range of each key, in words that complete "must be".
 
     Args:
-        schema: a dataclass whose fields carry ranges.
-        prefix: what the keys begin with.
+        schema: a dataclass whose fields have ranges.
+        prefix: the beginning of every key.
 
     Returns:
         The words by key, nested keys with their groups: ``{"env.speed_mps": "a number in …"}``.
@@ -220,7 +220,7 @@ _RANGE = "range"  # the key of a field's Range in its metadata
 
 
 def _declare(holds: Callable[[Any], bool], words: str) -> Any:
-    # Any, as in dataclasses' own stubs: the result stands where a value of the field's type goes.
+    # Any, as in dataclasses' own stubs: it is assigned to fields of any type.
     return field(metadata={_RANGE: Range(holds, words)})
 
 

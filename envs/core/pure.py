@@ -18,36 +18,39 @@ from envs.core.world import WorldConfig
 WHEN = "seed", "episode", "step"
 """The entries that key the random numbers: int64, ``[*batch_size, 1]``."""
 
+_DRAWN_SEEDS = 2**62
+"""The number of seeds among which an unseeded world draws; the runs' own follow it."""
+
 Entries = dict[str, Tensor]
 
 
 class PureEnv(EnvBase):
-    """A batch of runs that share nothing, with the whole of their state in the TensorDict.
+    """A batch of independent runs, with all of their state in the TensorDict.
 
-    What is random in a step is drawn from the run's ``seed``, ``episode`` and ``step``
+    Random numbers depend on the run's ``seed``, ``episode`` and ``step`` alone
     (:mod:`envs.core.streams`). So a run's history doesn't depend on the batch that it is in, and a
     loop of steps compiles.
 
-    A subclass has a ``schema``, names the state that it carries in ``state_keys``, and has two pure
-    functions, :meth:`initial` and :meth:`transition`. Everything else is done here: specs, seeds,
+    A subclass has a ``schema``, lists its hidden state in ``state_keys``, and has two pure
+    functions, :meth:`initial` and :meth:`transition`. This class does the rest: specs, seeds,
     resets, the count of steps, the time limit. Entries of the TensorDicts, each
     ``[*batch_size, 1]``:
 
     ============================  ================================================================
     the observations, the state   real
-    ``chance``                    U[0, 1), for whoever chooses the action
-    ``action``                    real: within the world's range, or the number of one of its set
+    ``chance``                    U[0, 1), for the choice of the action
+    ``action``                    real: in the world's range, or the number of one of a fixed set
     ``reward``                    real
-    ``terminated``                the episode has come to an end of the task itself
-    ``truncated``                 it was cut off by the time limit
+    ``terminated``                the task has ended the episode
+    ``truncated``                 the time limit has ended the episode
     ``done``                      either of them
-    ``success``                   it has ended, and succeeded
-    ``seed``, ``episode``,        whose random numbers these are, and when (int64)
+    ``success``                   the episode has ended with a success
+    ``seed``, ``episode``,        the key of the random numbers (int64)
     ``step``
     ============================  ================================================================
 
-    Besides TorchRL's own ``reset``, in which the environment counts the episodes, there is
-    :meth:`restart`, which has no state and compiles.
+    TorchRL's ``reset`` lets the environment count the episodes. :meth:`restart` does the same from
+    the TensorDict alone, so it compiles.
 
     Args:
         world: the parameters, an instance of ``schema``.
@@ -55,9 +58,10 @@ class PureEnv(EnvBase):
         situations: fixed starts, of a shape that broadcasts to ``[*batch_size, values]``
             (:attr:`envs.core.world.WorldConfig.start_values`); random ones by default.
         seed: an integer (run i of the batch gets ``seed + i``) or the seeds themselves, int64 of
-            shape ``batch_size``.
-        dtype: of everything real.
-        device: of everything.
+            shape ``batch_size``. By default a random integer from torch's default generator, so
+            worlds differ from each other, and ``torch.manual_seed`` repeats them.
+        dtype: of all real entries.
+        device: of all entries.
 
     Attributes:
         seen: the names of the observations.
@@ -65,7 +69,7 @@ class PureEnv(EnvBase):
 
     schema: ClassVar[type[WorldConfig]]
     state_keys: ClassVar[tuple[str, ...]] = ()
-    """The names of the hidden state, real entries that a step carries to the next."""
+    """The names of the hidden state, real entries that one step hands to the next."""
 
     situations: Tensor | None
     _seed: Tensor
@@ -77,7 +81,7 @@ class PureEnv(EnvBase):
         batch_size: Sequence[int] = (),
         *,
         situations: Tensor | None = None,
-        seed: int | Tensor = 0,
+        seed: int | Tensor | None = None,
         dtype: torch.dtype = torch.float32,
         device: torch.device | str | None = None,
     ) -> None:
@@ -88,37 +92,36 @@ class PureEnv(EnvBase):
             values = len(world.start_values)
             situations = situations.to(device, dtype).expand(*self.batch_size, values).clone()
         self.register_buffer("situations", situations)
-        self.seed_runs(seed)
+        self.seed_runs(int(torch.randint(_DRAWN_SEEDS, ())) if seed is None else seed)
         self._make_specs()
 
     @abstractmethod
     def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
-        """Return the observations and the state with which an episode begins.
+        """Return the observations and the state at the start of an episode.
 
         Args:
-            seed, episode: whose, int64 ``[*batch_size, 1]``, for :func:`envs.core.streams.draw`
-                with step 0 and ``Stream.START``.
-            situations: the starts that are asked for, ``[*batch_size, values]``; else they are
-                random.
+            seed, episode: int64 ``[*batch_size, 1]``, for :func:`envs.core.streams.draw` with step
+                0 and ``Stream.START``.
+            situations: fixed starts, ``[*batch_size, values]``; None for random ones.
 
         Returns:
-            Each ``[*batch_size, 1]``. There may be a ``chance``, if the world has random bits to
-            spare; else one is drawn.
+            Each ``[*batch_size, 1]``. A world with random bits to spare may add a ``chance``; else
+            one is drawn.
         """
 
     @abstractmethod
     def transition(self, state: Entries, action: Tensor) -> Entries:
-        """Return what a step leads to.
+        """Return the observations and the state after a step, and its reward and end.
 
         Args:
-            state: the observations and the state before it, and ``seed``, ``episode`` and the
-                number of this step, from 1, for :func:`envs.core.streams.draw` with
+            state: the observations and the state before it, and ``seed``, ``episode`` and ``step``,
+                the number of this step from 1, for :func:`envs.core.streams.draw` with
                 ``Stream.STEP``.
             action: ``[*batch_size, 1]``.
 
         Returns:
-            The observations and the state after it, ``reward`` and ``terminated`` (bool). There may
-            be a ``success`` (bool), of an episode that ends here, and a ``chance``.
+            The new observations and state, ``reward`` and ``terminated`` (bool). It may add
+            ``success`` (bool), for an episode that ends here, and ``chance``.
         """
 
     def start(self, seed: Tensor, episode: Tensor, situations: Tensor | None = None) -> TensorDict:
@@ -134,10 +137,10 @@ class PureEnv(EnvBase):
         return self.pack(self._with_chance(entries))
 
     def restart(self, after: TensorDictBase) -> TensorDict:
-        """Return the state to go on from: where ``done``, the first of the run's next episode.
+        """Return the state for the next step: where ``done``, the start of the run's next episode.
 
         Args:
-            after: what a step led to, its ``"next"``.
+            after: the ``"next"`` of a step.
         """
         start = self.start(after["seed"], after["episode"] + 1)
         done = after["done"]
@@ -148,7 +151,7 @@ class PureEnv(EnvBase):
         return TensorDict(entries, batch_size=self.batch_size, device=self.device)
 
     def seed_runs(self, seed: int | Tensor) -> None:
-        """Give every run its seed; each begins with its first episode again.
+        """Give every run its seed; the next reset begins its first episode.
 
         Args:
             seed: an integer (run i gets ``seed + i``) or int64 of shape ``batch_size``.

@@ -11,7 +11,7 @@ from envs.core.parameters import ConfigError, Parameters
 Entry = TypeVar("Entry")
 
 KIND = r"\w+|[\w.]+:\w+", "a name, or module:Class"
-"""The pattern of a kind, and the same in words."""
+"""The pattern of a kind, and its description in words."""
 
 
 def is_own(kind: object) -> bool:
@@ -20,23 +20,22 @@ def is_own(kind: object) -> bool:
 
 
 def kinds_in_words(known: Iterable[str]) -> str:
-    """Return the kinds that there are, in words that complete "must be"."""
+    """Return the known kinds, in words that complete "must be"."""
     return f"{', '.join(known)} or, of your own, module:Class"
 
 
 def own_class(group: str, kind: str) -> type[Any]:
     """Import the class that a kind names.
 
-    Modules are looked for where Python looks, and then in the current directory.
+    Python's own path is searched first, then the current directory.
 
     Args:
         group: of the configuration, ``env`` or ``value``.
         kind: ``module:Class``.
 
     Raises:
-        ConfigError: there is no such module or class, or something of the class or of its
-            attribute ``schema``, a dataclass of :class:`envs.core.parameters.Parameters`, is
-            missing.
+        ConfigError: there is no such module or class, its attribute ``schema`` isn't a dataclass of
+            :class:`envs.core.parameters.Parameters`, or either lacks an abstract method.
     """
     module, _, name = kind.partition(":")
     if "" not in sys.path:  # a console script has no current directory
@@ -59,7 +58,7 @@ def own_class(group: str, kind: str) -> type[Any]:
 
 
 def source_of(group: str, kind: str) -> str:
-    """Return the text of the module that a kind of a user's own is in.
+    """Return the text of the module that has the class of a user's own kind.
 
     Raises:
         ConfigError: see :func:`own_class`.
@@ -73,7 +72,7 @@ def schema_of(group: str, kind: str, known: Mapping[str, type[Parameters]]) -> t
     Args:
         group: of the configuration.
         kind: a name in ``known``, or ``module:Class``.
-        known: the schemas of ours.
+        known: our schemas by their kinds.
 
     Raises:
         ConfigError: see :func:`own_class`.
@@ -90,11 +89,11 @@ def class_of(group: str, kind: str, known: Mapping[str, type[Entry]], base: type
     Args:
         group: of the configuration.
         kind: a name in ``known``, or ``module:Class``.
-        known: the classes of ours.
-        base: what every class must be a subclass of.
+        known: our classes by their kinds.
+        base: the base that every class must have.
 
     Raises:
-        ConfigError: see :func:`own_class`; or the class is no such subclass.
+        ConfigError: see :func:`own_class`; or the class doesn't have that base.
     """
     if not is_own(kind):
         return known[kind]

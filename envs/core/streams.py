@@ -1,13 +1,13 @@
-"""Counter-based random numbers: a draw depends on who asks and when, not on earlier draws.
+"""Counter-based random numbers, which depend on the run and the step, not on earlier draws.
 
-Every draw is a hash of the run's seed and of the episode, the step and the stream that it is for,
-so a run's random numbers are the same alone, in any batch, in any order and on any device, and
-there is no generator state to save.
+Every draw is a hash of the run's seed, the episode, the step and the stream. So a run's random
+numbers are the same alone, in any batch, in any order and on any device, and there is no generator
+state to save.
 
-The hash is pcg4d, from four 32-bit words to four, with a round more: with its own two rounds the
-low bits of neighbouring runs and episodes are not independent, with three no test finds any fault
-(``tests/envs/core/test_streams.py``). It multiplies 32-bit integers only, of which AVX2 does eight
-at a time; the 64-bit products of SplitMix64 or Philox it does one by one.
+The hash is pcg4d, from four 32-bit words to four, with three rounds instead of two. With two, the
+low bits of neighbouring runs and episodes are not independent; with three no test finds a fault
+(``tests/envs/core/test_streams.py``). It multiplies 32-bit integers only, eight at a time with
+AVX2, which has no instruction for the 64-bit products of SplitMix64 or Philox.
 
 Source: M. Jarzynski, M. Olano, "Hash functions for GPU rendering", Journal of Computer Graphics
 Techniques 9(3), 2020.
@@ -24,7 +24,7 @@ Words = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
 class Stream(IntEnum):
-    """The purposes of random words. Streams share none; there is room for three more."""
+    """The purposes of random words, which no two streams share. There is room for three more."""
 
     STEP = 0
     START = 1
@@ -32,10 +32,10 @@ class Stream(IntEnum):
 
 
 def pcg4d(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
-    """The hash of four words: each bit changes about half of the 128.
+    """Return the hash of four words: each bit that changes, changes about half of the 128.
 
     Args:
-        x, y, z, w: int32, any one shape. Products and sums wrap, as they should.
+        x, y, z, w: int32, of one shape. Products and sums wrap, as the hash requires.
     """
     words = _couple(*(1664525 * word + 1013904223 for word in (x, y, z, w)))
     for _ in range(2):
@@ -44,7 +44,7 @@ def pcg4d(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
 
 
 def _couple(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
-    """Each word depends on each other."""
+    """Return words that each depend on all four."""
     x = torch.addcmul(x, y, w)
     y = torch.addcmul(y, z, x)
     z = torch.addcmul(z, x, y)
@@ -59,21 +59,21 @@ def draw(seed: Tensor, episode: Tensor, step: Tensor, stream: Stream) -> Words:
         seed: the runs' seeds, int64 in [0, 2⁶³), any shape.
         episode: int64 in [0, 2³³), same shape.
         step: int64 in [0, 2²⁹), same shape.
-        stream: what the words are for.
+        stream: the purpose of the words.
 
     Returns:
         Four int32 tensors of that shape.
     """
     upper = (seed >> 32) | ((episode >> 32) << 31)  # 31 bits of the seed, one of the episode
-    # The first two streams take turns in the lower half of the counter, the others have a quarter
-    # of its upper half each.
+    # The first two streams alternate in the lower half of the counter; each of the others has a
+    # quarter of the upper half.
     counter = 2 * step + stream if stream < 2 else 2**31 + (stream - 2) * 2**29 + step
     low_bits = (number.to(torch.int32) for number in (seed, upper, episode, counter))
     return pcg4d(*low_bits)
 
 
 def uniform(word: Tensor, dtype: torch.dtype) -> Tensor:
-    """U[0, 1) from a word's upper 24 bits: exact, and so the same, in float32 and float64."""
+    """U[0, 1) from a word's upper 24 bits, exact and therefore equal in float32 and float64."""
     return ((word >> 8) & 0xFFFFFF).to(dtype) * 2.0**-24
 
 

@@ -14,39 +14,39 @@ Range = tuple[float, float]
 
 @dataclass
 class WorldConfig(Parameters, ABC):
-    """The parameters of a world, and what it offers to a learner.
+    """The parameters of a world, and its observations, actions and measure.
 
-    A subclass adds its own parameters, each with its range, and says what it offers. The specs of
-    the environment (:class:`envs.core.pure.PureEnv`) are made from that.
+    A subclass adds its own parameters, each with its range, and defines the observations and the
+    actions. The specs of :class:`envs.core.pure.PureEnv` are made from them.
     """
 
     kind: str = matching(*KIND)
     time_limit_steps: int = whole(1)
 
     measure: ClassVar[str] = "successes"
-    """The score of a test: ``successes``, ``return``, or ``length``, of which less is better."""
+    """The score of a test: ``successes``, ``return`` or ``length``, where less is better."""
 
     start_values: ClassVar[tuple[str, ...]] = ()
-    """The numbers that a fixed start consists of; a world without any has random starts only."""
+    """The names of the numbers of a fixed start; a world without any has random starts only."""
 
     @property
     @abstractmethod
     def observations(self) -> Mapping[str, Range]:
-        """The observations by their names, each with its range; infinities where it has none."""
+        """The observations by their names, each with its range, which may be infinite."""
 
     @property
     @abstractmethod
     def actions(self) -> Range | int:
-        """The range of the action, or of a fixed set of actions, numbered from 0, their number."""
+        """The range of the action, or the size of a fixed set of actions, numbered from 0."""
 
     @property
     def returns(self) -> Range | None:
-        """The lowest and the highest return there can be, whatever the discount, if it is known."""
+        """The lowest and the highest possible return for any discount; None if unknown."""
         return None
 
     @property
     def fewest_steps(self) -> int:
-        """A number of steps before which no episode ends."""
+        """The least number of steps of an episode, or less."""
         return 1
 
     @property

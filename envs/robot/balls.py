@@ -7,7 +7,7 @@ from envs.core.streams import coin, uniform
 
 
 def position(angle_rad: Tensor, circle_radius_m: float) -> tuple[Tensor, Tensor]:
-    """Where the ball is: x = R cos φ, y = R sin φ, in metres, shaped as ``angle_rad``."""
+    """Return the ball's position: x = R cos φ, y = R sin φ, in metres, shaped as ``angle_rad``."""
     return circle_radius_m * torch.cos(angle_rad), circle_radius_m * torch.sin(angle_rad)
 
 

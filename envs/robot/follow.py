@@ -11,7 +11,7 @@ from envs.robot.schemas import FollowBallConfig
 
 
 class FollowBall(PureEnv):
-    """A batch of robots, each with a ball of its own, on planes that share nothing.
+    """A batch of robots, each on a plane of its own with one ball.
 
     Entries besides those of every :class:`envs.core.pure.PureEnv`, each ``[*batch_size, 1]``:
 
@@ -20,15 +20,15 @@ class FollowBall(PureEnv):
     ``action``                           Δv in [−1, 1], the wheels' relative speed
     ``reward``                           1 for a catch, −0.5 for a miss, else 0 (by default)
     ``terminated``                       the situation has ended, by a catch or a miss
-    ``success``                          by a catch
+    ``success``                          it has ended by a catch
     ``x_m``, ``y_m``, ``heading_rad``    the robot's pose
-    ``ball_angle_rad``                   φ, the ball's place on its circle
+    ``ball_angle_rad``                   φ, the ball's position on its circle
     ``ball_speed_radps``                 ω_b, its angular speed along the circle
     ===================================  =========================================================
 
     A fixed start is (φ₀, ω_b), in rad and rad/s.
 
-    Arguments: as :class:`envs.core.pure.PureEnv`; ``conf/env/follow_ball.yaml`` has the paper's.
+    Arguments: as :class:`envs.core.pure.PureEnv`'s. ``conf/env/follow_ball.yaml`` has the values.
     """
 
     schema = FollowBallConfig
@@ -103,7 +103,7 @@ class FollowBall(PureEnv):
         noise_words: tuple[Tensor, Tensor],
         episode: Tensor,
     ) -> Tensor:
-        """Return the bearing of a ball in that direction, as seen."""
+        """Return the bearing that the head reports of a ball in that direction."""
         world = self.world
         noise_rad = world.bearing_noise_rad * streams.normal(*noise_words, self.dtype)
         return vision.bearing(direction_rad, heading_rad, noise_rad, world.field_of_view_rad)

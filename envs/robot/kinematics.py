@@ -26,10 +26,10 @@ def drive(
     track_width_m: float,
     time_step_s: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """The pose after a time step at constant wheel speeds: exact, an arc of a circle.
+    """The pose after a time step at constant wheel speeds: exactly, along an arc of a circle.
 
-    With v = (v_left + v_right)/2, ω = (v_right − v_left)/L and half the turn h = ω·dt/2, the chord
-    has the length v·dt·sin(h)/h and points to θ + h. The heading is counter-clockwise.
+    With v = (v_left + v_right)/2, ω = (v_right − v_left)/L and half the turn h = ω·dt/2, the arc's
+    chord has the length v·dt·sin(h)/h and the direction θ + h. Headings grow counter-clockwise.
 
     Args:
         x_m, y_m, heading_rad: the pose, any shape.

@@ -1,4 +1,4 @@
-"""The same task where situations begin on one side of straight ahead, and later on the other."""
+"""The paper's task with the ball on one side only: first left or right, later the other side."""
 
 from torch import Tensor
 
@@ -10,10 +10,10 @@ from envs.robot.schemas import FollowOneSideConfig
 class FollowOneSide(FollowBall):
     """:class:`envs.robot.follow.FollowBall` whose ball starts on one side of straight ahead.
 
-    What would start on the other side starts at its mirror image. To the other side the head sees
-    no farther than ``other_view_rad``.
+    A start drawn on the other side is mirrored. To that side the head sees ``other_view_rad`` at
+    most.
 
-    Arguments: as :class:`envs.core.pure.PureEnv`.
+    Arguments: as :class:`envs.core.pure.PureEnv`'s.
     """
 
     schema = FollowOneSideConfig
@@ -35,7 +35,7 @@ class FollowOneSide(FollowBall):
         return side * (side * seen_rad).clamp(min=-self.world.other_view_rad)
 
     def _side(self, episode: Tensor) -> Tensor | float:
-        """Return 1 where the ball starts on the left, with positive angles, and −1 on the right."""
+        """Return the side on which the ball starts: 1 for the left, −1 for the right."""
         first = 1.0 if self.world.start_side == "left" else -1.0
         if not self.world.switch_side_after:
             return first

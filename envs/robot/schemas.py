@@ -44,18 +44,18 @@ class FollowBallConfig(WorldConfig):
 
     @property
     def returns(self) -> Range:
-        """There is one reward, at the end."""
+        """The two rewards, one of which ends every episode and is all that it brings."""
         return self.miss_reward, self.catch_reward
 
     @property
     def fewest_steps(self) -> int:
-        """The ball is always R from where the robot starts."""
+        """The steps straight to the ball's circle: the ball is always R from the robot's start."""
         stride_m = self.speed_mps * self.time_step_s
         way_m = self.circle_radius_m - self.catch_distance_m
         return min(self.time_limit_steps, max(1, floor(way_m / stride_m)))
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """A slowest ball that is faster than the fastest."""
+        """Yield the lowest speed of the ball if it is above the highest."""
         slowest, fastest = self.ball_speed_min_radps, self.ball_speed_max_radps
         if slowest > fastest:
             at_most = f"at most ball_speed_max_radps={fastest}"
@@ -64,9 +64,9 @@ class FollowBallConfig(WorldConfig):
 
 @dataclass
 class FollowOneSideConfig(FollowBallConfig):
-    """The same, but situations begin on one side of straight ahead, and later on the other.
+    """The ball starts on one side of straight ahead, and later on the other.
 
-    The runs are tested where the ball starts on either side and is seen there.
+    The runs are tested in `FollowBallConfig`'s world, with both sides.
     """
 
     start_side: str = one_of("left", "right")
@@ -75,6 +75,6 @@ class FollowOneSideConfig(FollowBallConfig):
 
     @property
     def tested(self) -> FollowBallConfig:
-        """The world with both sides."""
+        """The world in which the ball starts and is seen on both sides."""
         shared = {item.name: getattr(self, item.name) for item in fields(FollowBallConfig)}
         return FollowBallConfig(**(shared | {"kind": "follow_ball"}))

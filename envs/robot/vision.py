@@ -1,4 +1,4 @@
-"""What the robot's head sees of the ball."""
+"""The robot's view of the ball: its bearing."""
 
 import math
 
@@ -7,7 +7,7 @@ from torch import Tensor
 
 
 def wrap(angle_rad: Tensor) -> Tensor:
-    """The same angle in [−π, π); just below −π, rounding may give π itself."""
+    """Return the same angle in [−π, π); of one just below −π, rounding may make π itself."""
     return torch.remainder(angle_rad + math.pi, 2 * math.pi) - math.pi
 
 
@@ -20,7 +20,7 @@ def bearing(
     it is reported at the edge on its side.
 
     Args:
-        direction_rad: from the robot to the ball, from the world's x axis, any shape.
+        direction_rad: of the ball from the robot, against the world's x axis, any shape.
         heading_rad: the robot's heading, same shape or a number.
         noise_rad: the sensor's error, same shape.
         field_of_view_rad: the largest angle that the head reports, to either side.

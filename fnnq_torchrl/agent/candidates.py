@@ -1,4 +1,4 @@
-"""The actions among which the best is sought."""
+"""The candidate actions, among which the best is sought."""
 
 import torch
 from torch import Tensor
@@ -14,7 +14,7 @@ def make_candidates(
     """Return the candidate actions: evenly spaced in the world's range, or all of its fixed set.
 
     Args:
-        config: says which world it is, and how many candidates.
+        config: has the world and the number of candidates.
         dtype, device: of the result.
 
     Returns:

@@ -16,11 +16,11 @@ if TYPE_CHECKING:  # it imports all of TorchRL's collectors
 
 
 class EligibilityTrace:
-    """Turns the loss of one-step Q-learning into that of Q(λ).
+    """A hook that turns the loss of one-step Q-learning into that of Q(λ).
 
-    Between the loss and the optimiser it makes the loss −⟨Δw, w⟩ with Δw = δe + δ′∇Q(s, a), whose
-    gradient is −Δw: plain SGD with the step size α then does Table 1's f and g, and the hook has
-    done e and h. One call per step of the world, in order::
+    Between the loss and the optimiser it replaces the loss by −⟨Δw, w⟩ with Δw = δe + δ′∇Q(s, a),
+    whose gradient is −Δw. Plain SGD with the step size α then does steps f and g of Table 1; the
+    hook itself does e and h. Call it once per step of the world, in order::
 
         losses = trace(batch, loss(batch))
         losses["loss"].backward()
@@ -29,9 +29,9 @@ class EligibilityTrace:
     or, in TorchRL's Trainer, ``trace.register(trainer)``.
 
     Args:
-        loss: whose value network's weights have the runs as their first dimension.
+        loss: its value network's weights have the runs as their first dimension.
         lam: λ, one number or one per run, ``[runs, 1]``.
-        rule: which Q(λ) it is; the paper's unless given.
+        rule: the variant of Q(λ); by default the paper's.
 
     Raises:
         ValueError: λ has another shape.
@@ -47,11 +47,11 @@ class EligibilityTrace:
         self.trace = self._update.start(weights)
 
     def __call__(self, batch: TensorDictBase, losses: TensorDictBase) -> TensorDictBase:
-        """Return the losses with the trace's share in ``loss``; the trace moves on by this step.
+        """Return the losses with that of Q(λ) as ``loss``, and advance the trace by this step.
 
         Args:
             batch: one step of every run, ``[runs]`` or, from a collector, ``[runs, 1]``.
-            losses: what the loss returned for it.
+            losses: the loss module's result for it.
 
         Raises:
             ValueError: there is more than one step of a run in the batch.
@@ -73,7 +73,7 @@ class EligibilityTrace:
         return losses
 
     def register(self, trainer: "Trainer", name: str = "eligibility_trace") -> None:
-        """Have TorchRL's trainer call this after the loss, and keep it in its checkpoints."""
+        """Make TorchRL's trainer call the hook after the loss, and save it in its checkpoints."""
         trainer.register_op("process_loss", self)
         trainer.register_module(name, self)
 
@@ -82,6 +82,6 @@ class EligibilityTrace:
         return {name: trace.clone() for name, trace in self.trace.items()}
 
     def load_state_dict(self, state_dict: dict[str, Tensor]) -> None:
-        """Go on from a trace as :meth:`state_dict` gave it."""
+        """Restore the trace that :meth:`state_dict` returned."""
         for name, trace in self.trace.items():
             trace.copy_(state_dict[name])

@@ -1,4 +1,4 @@
-"""Gradients by the weights."""
+"""Gradients with respect to the weights."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -13,13 +13,13 @@ Aux = TypeVar("Aux")
 def gradient(
     function: Callable[[Weights], tuple[Tensor, Aux]], weights: Weights
 ) -> tuple[Weights, Aux]:
-    """The gradient of a function of the weights, and what else the function returns.
+    """Return the gradient of a function of the weights, and the function's second result.
 
-    By autograd: ``torch.func.grad``, which does the same, is slower where it runs eagerly.
+    By autograd, since ``torch.func.grad`` does the same more slowly in eager mode.
 
     Args:
-        function: from weights by name to a scalar and anything else, which holds no graph.
-        weights: where to take the gradient, whether or not gradients are enabled.
+        function: takes weights by name; returns a scalar and any second result without a graph.
+        weights: the point of the gradient. Gradients needn't be enabled.
     """
     with torch.enable_grad():
         leaves = {name: weight.detach().requires_grad_() for name, weight in weights.items()}

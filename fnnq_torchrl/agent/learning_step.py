@@ -22,24 +22,24 @@ from fnnq_torchrl.equations.step_size import Direction, StepSize, decayed
 class Learner:
     """Q(λ) on a world: act, step, the two errors, weights and trace, restart.
 
-    Everything that differs from run to run comes in TensorDicts of batch size ``[runs]``, and
-    nothing is averaged over runs, so each run is a learner of its own:
+    All that differs from run to run comes in TensorDicts of batch size ``[runs]``, and nothing is
+    averaged over runs, so each run learns alone:
 
-    * ``run``, which stays: ``seed``, ``lam``, ``alpha``, ``alpha_decay``, ``kappa`` where the step
-      size has one, ``gamma``, the amount of exploration by its name, as ``epsilon``, and
-      ``situations``, how many it is to learn from; each ``[runs, 1]``;
-    * ``state``, which every step replaces: ``world``, what the environment needs to go on;
-      ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the step size
-      as it has become; ``situations`` and ``steps``, counts of what was learned from; ``diverged``,
-      whether |Q| has gone beyond all bounds, which ends the counts; ``over``, whether that is all;
-      ``snapshot``, weights and counts as they were when an evaluation was last due.
+    * ``run``, which never changes: ``seed``, ``lam``, ``alpha``, ``alpha_decay``, ``kappa`` where
+      the step size has one, ``gamma``, the amount of exploration by its name, as ``epsilon``, and
+      ``situations``, the number to learn from; each ``[runs, 1]``;
+    * ``state``, which every step replaces: ``world``, the environment's state; ``weights`` and
+      ``trace``, by the names of the network's parameters; ``alpha``, the present step size;
+      ``situations`` and ``steps``, the numbers learned from; ``diverged``, whether |Q| has become
+      too large, which ends the counts; ``over``, whether the run has ended; ``snapshot``, the
+      weights and counts at the time when an evaluation was last due.
 
     Args:
         env: the world, with the runs as its batch.
         value_network: Q(s, a).
-        rule: which Q(λ) it is.
-        step_size: which step size it has.
-        exploration: which policy it learns by (:func:`fnnq_torchrl.agent.policy.make_policy`).
+        rule: the variant of Q(λ) and its trace.
+        step_size: the rule for the step size.
+        exploration: the name of the policy (:func:`fnnq_torchrl.agent.policy.make_policy`).
         evaluate_every: situations from one evaluation to the next.
         largest_value: a run with a larger |Q| than this has diverged; with infinity, one whose Q
             isn't finite.
@@ -68,11 +68,11 @@ class Learner:
         self.largest_value = min(largest_value, torch.finfo(value_network.candidates.dtype).max)
 
     def begin(self, run: TensorDictBase) -> TensorDict:
-        """Return the state before the first step: weights as the network starts them, no trace."""
+        """Return the state before the first step: the network's start weights, and no trace."""
         runs = run.batch_size
         start = self.loss.value_network.start(run["seed"])
         weights = {name: _copy(weight) for name, weight in start.items()}
-        zero = torch.zeros_like(run["seed"])  # cloned wherever it stands: no entry is an alias
+        zero = torch.zeros_like(run["seed"])  # cloned for each entry: none may be an alias
         batch = {"batch_size": runs, "device": run.device}
         return TensorDict(
             {
@@ -99,9 +99,9 @@ class Learner:
     def step(self, run: TensorDictBase, state: TensorDictBase) -> TensorDict:
         """Take one step of every run in its world, and learn from it (paper, Table 1).
 
-        A snapshot is taken where the step ends a situation after which an evaluation is due.
+        A run's snapshot is taken when the step ends a situation after which an evaluation is due.
         The caller must collect it within ``fewest_steps · evaluate_every`` steps
-        (:class:`envs.core.world.WorldConfig`).
+        (:class:`envs.core.world.WorldConfig`), before the next one replaces it.
         """
         amount, decay = run[self.policy.amount_name], run["gamma"] * run["lam"]
         transition = self.env.step(act(self.policy, state["weights"], amount, state["world"]))
@@ -142,13 +142,13 @@ class Learner:
         transition: TensorDictBase,
         weights: Weights,
     ) -> dict[str, Tensor | TensorDict]:
-        """Return what a step makes of the counts, and the snapshot if one is due."""
+        """Return the counts after a step, and the snapshot, a new one where it is due."""
         beyond = self._beyond(transition["action_value"])
         diverged = state["diverged"] | (beyond & ~state["over"])
         situations = state["situations"] + (transition["next", "done"] & ~diverged)
         steps = state["steps"] + ~diverged
         snapshot = state["snapshot"]
-        # As a number: a compiled loop loads booleans slowly, and all the weights depend on it.
+        # As a number: a compiled loop loads booleans slowly, and every weight depends on it.
         now = situations == snapshot["situations"] + self.evaluate_every
         due = now.to(transition["action_value"].dtype)
         return {
@@ -166,13 +166,13 @@ class Learner:
         }
 
     def _beyond(self, action_value: Tensor) -> Tensor:
-        """Return whether a |Q| is larger than any may be, or not a number: bool ``[runs, 1]``."""
+        """Return whether some |Q| exceeds ``largest_value`` or isn't a number, ``[runs, 1]``."""
         return ~(action_value.abs().amax(-1, keepdim=True) <= self.largest_value)
 
     def _slope(
         self, weights: Weights, gamma: Tensor, transition: TensorDictBase
     ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
-        """Return ∇Q(s, a) of every run, by autograd through the loss, and the errors δ and δ′."""
+        """Return ∇Q(s, a) of every run, by autograd through the loss, and its errors δ and δ′."""
 
         def chosen_value(weights: dict[str, Tensor]) -> tuple[Tensor, dict[str, Tensor]]:
             overrides = {f"value_network.{name}": weight for name, weight in weights.items()}
@@ -186,9 +186,9 @@ class Learner:
     def _error_slope(
         self, weights: Weights, gamma: Tensor, slope: Weights, after: TensorDictBase
     ) -> list[Tensor]:
-        """Return ∇δ′ = γ∇V(s′) − ∇Q(s, a), 0·∇V at an end, tensors ``[*weights, runs]``.
+        """Return ∇δ′ = γ∇V(s′) − ∇Q(s, a), with ∇V = 0 at an end, tensors ``[*weights, runs]``.
 
-        Between equally good actions, ∇V is the mean of theirs.
+        Where several actions are best, ∇V is the mean of their gradients.
         """
         network = self.policy.value_network
 
@@ -207,7 +207,7 @@ def act(
     amount: Tensor,
     world: TensorDictBase,
 ) -> TensorDictBase:
-    """Return the world's TensorDict with each run's choice, from its own weights and amount."""
+    """Return the world's TensorDict with the action that each run's own weights choose."""
     overrides = {f"value_network.{name}": weight for name, weight in weights.items()}
     return functional_call(policy, overrides | {policy.amount_name: amount}, (world.copy(),))
 

@@ -1,4 +1,4 @@
-"""Q(λ) as TorchRL has its losses: a LossModule, and a hook that holds the trace."""
+"""The loss of Q(λ) as a TorchRL LossModule."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,20 +18,19 @@ from fnnq_torchrl.equations.layout import over_batch, run_numbers
 class PengQLambdaLoss(LossModule):
     """The two errors of Peng's Q(λ), and the loss of one-step Q-learning.
 
-    ``loss`` is ½Σδ′² over the runs. It is a sum, because then the gradient for a run's weights is
-    that run's own: −δ′∇Q(s, a), and plain SGD on it is Q(0). :class:`EligibilityTrace` makes it
-    Q(λ).
+    ``loss`` is ½Σδ′² over the runs. It is a sum, so the gradient for a run's weights is that run's
+    own: −δ′∇Q(s, a). Plain SGD on it is Q(0); :class:`EligibilityTrace` makes it Q(λ).
 
-    Reads the network's observations, ``action`` and ``action_value`` (Q(s, ·) of the candidates, as
-    the policy wrote it: from the weights before the update, as Table 1 has it), and in ``"next"``
-    the observations, ``reward`` and ``terminated`` (the trace reads ``done``); ``set_keys`` renames
-    what is not an observation.
+    Reads the network's observations, ``action`` and ``action_value``, and in ``"next"`` the
+    observations, ``reward`` and ``terminated`` (the trace reads ``done``). ``action_value`` is
+    Q(s, ·) of the candidates from the weights before the update, as the policy wrote it and Table 1
+    wants it. ``set_keys`` renames all keys but the observations.
 
     Returns a TensorDict of ``loss`` (a scalar), ``td_error`` δ, ``chosen_td_error`` δ′ and
     ``chosen_action_value`` Q(s, a), each ``[runs, *batch, 1]``.
 
     Args:
-        value_network: Q(s, a) of any kind.
+        value_network: any Q(s, a).
         gamma: the discount γ, one number or one per run, ``[runs, 1]``.
     """
 
@@ -57,11 +56,11 @@ class PengQLambdaLoss(LossModule):
         self.register_buffer("gamma", run_numbers("gamma", gamma, like=candidates))
 
     def named_parameters(self, *args: Any, **kwargs: Any) -> Iterator[tuple[str, nn.Parameter]]:
-        # LossModule's takes no ``remove_duplicate``, with which torch.func.functional_call asks.
+        # torch.func.functional_call passes ``remove_duplicate``, which LossModule's doesn't take.
         return nn.Module.named_parameters(self, *args, **kwargs)
 
     def _forward_value_estimator_keys(self, **kwargs: Any) -> None:
-        pass  # the target is one step: there is no value estimator
+        pass  # a one-step target needs no value estimator
 
     @property
     def in_keys(self) -> list[NestedKey]:

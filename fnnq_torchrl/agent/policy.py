@@ -1,4 +1,4 @@
-"""The TensorDict face of action selection."""
+"""Policies that explore, as TensorDict modules."""
 
 from abc import ABC, abstractmethod
 
@@ -13,17 +13,17 @@ from fnnq_torchrl.equations.names import EXPLORATIONS
 
 
 class ExploringPolicy(TensorDictModuleBase, ABC):
-    """Chooses by Q(s, ·) of the candidate actions, each run with its own random numbers.
+    """A choice by Q(s, ·) of the candidate actions, with each run's own random numbers.
 
-    Reads the observations that the network names and ``chance``, a uniform random number of each
-    run's own, which every state of a :class:`envs.core.pure.PureEnv` has. Writes ``action_value``
-    ``[runs, *batch, candidates]`` and ``action`` ``[runs, *batch, 1]``. A policy like any other for
+    Reads the network's observations and ``chance``, a uniform random number of each run, which
+    every state of a :class:`envs.core.pure.PureEnv` has. Writes ``action_value``
+    ``[runs, *batch, candidates]`` and ``action`` ``[runs, *batch, 1]``. It works with
     ``env.rollout`` and TorchRL's collectors.
 
     Args:
         value_network: Q(s, a), and the candidates.
-        amount: how much to explore, one number or one per run, ``[runs, 1]``; kept in the buffer
-            that ``amount_name`` names.
+        amount: the amount of exploration, one number or one per run, ``[runs, 1]``; kept in the
+            buffer named ``amount_name``.
     """
 
     amount_name: str
@@ -38,7 +38,7 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
 
     @abstractmethod
     def choose(self, action_values: Tensor, amount: Tensor, u: Tensor) -> Tensor:
-        """The actions, ``[runs, *batch]``, from values ``[candidates, runs, *batch]``."""
+        """Return the actions, ``[runs, *batch]``, from values ``[candidates, runs, *batch]``."""
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         values = self.value_network.values_in(tensordict)
@@ -117,7 +117,7 @@ def make_policy(name: str, value_network: ValueNetwork, amount: Tensor | float) 
     Args:
         name: ``epsilon_greedy``, ``boltzmann`` or ``noise``.
         value_network: Q(s, a), and the candidates.
-        amount: how much it explores, one number or one per run, ``[runs, 1]``.
+        amount: the amount of exploration, one number or one per run, ``[runs, 1]``.
 
     Raises:
         ValueError: there is no such policy.

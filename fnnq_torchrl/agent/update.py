@@ -1,4 +1,4 @@
-"""The update of Q(λ): one for users' own loops and for the learning step. The runs come first."""
+"""The update of Q(λ), shared by the learning step and users' own loops. The runs come first."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from fnnq_torchrl.equations.layout import per_run, runs_first, runs_last
 from fnnq_torchrl.equations.q_lambda import Rule
 
 Weights = Mapping[str, Tensor]
-"""Tensors by the names of a network's parameters, each with the runs first."""
+"""Tensors ``[runs, *weights]`` by the names of a network's parameters."""
 
 
 class Updated(NamedTuple):
@@ -31,8 +31,8 @@ class Update:
     """Steps f to h of the paper's Table 1 for the weights of a network.
 
     Args:
-        loss: whose keys the entries of transitions and losses have.
-        rule: which Q(λ) it is.
+        loss: defines the keys of transitions and losses, and the candidates.
+        rule: the variant of Q(λ) and its trace.
     """
 
     def __init__(self, loss: PengQLambdaLoss, rule: Rule) -> None:
@@ -61,7 +61,7 @@ class Update:
 
         Args:
             transition: a step of every run, ``[runs]``, with ``"next"``.
-            losses: what the loss has of it: δ and δ′, each ``[runs, 1]``.
+            losses: the loss module's result for it, with δ and δ′, each ``[runs, 1]``.
             gradient: ∇Q(s, a), each ``[runs, *weights]``.
             trace: e before the step.
             decay: γλ, ``[runs, 1]`` or one number.
@@ -85,10 +85,10 @@ class Update:
     def present_trace(
         self, transition: TensorDictBase, gradient: Weights, trace: Weights, decay: Tensor
     ) -> list[Tensor]:
-        """Return z, the trace with the present pair in it; arguments as of :meth:`update`.
+        """Return z, the trace with the present pair in it; arguments as in :meth:`update`.
 
         Returns:
-            Of each tensor of weights, with the runs last, ``[*weights, runs]``.
+            For each tensor of weights, with the runs last, ``[*weights, runs]``.
         """
         return self.rule.present_trace(
             _runs_last(trace, gradient),
@@ -98,13 +98,13 @@ class Update:
         )
 
     def largest_error(self, losses: Mapping[str, Tensor]) -> Tensor:
-        """Return the largest of the errors that are handed out, ``[runs]``."""
+        """Return the larger absolute value of the errors that the variant uses, ``[runs]``."""
         keys = self._keys
         errors = per_run(losses[keys.td_error]), per_run(losses[keys.chosen_td_error])
         return self.rule.largest_error(*errors)
 
     def _greedy(self, transition: TensorDictBase) -> Tensor | None:
-        """Return where the action was greedy, 1 or 0, ``[runs]``, for a variant that cuts."""
+        """Return 1 where the action was greedy, else 0, ``[runs]``; None if nothing is cut."""
         if not self.rule.variant.cuts:
             return None
         values = transition[self._keys.action_value].movedim(-1, 0)

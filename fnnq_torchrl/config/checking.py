@@ -1,4 +1,4 @@
-"""From composed values to a valid configuration, or to one line that says what is wrong."""
+"""The check of composed values: a valid configuration, or an error of one line."""
 
 import difflib
 import re
@@ -23,10 +23,10 @@ from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
 
 _OF_KINDS: dict[str, Mapping[str, type[Parameters]]] = {"env": WORLDS, "value": VALUES}
-"""The groups whose keys depend on their kind, with the schemas of ours."""
+"""The groups whose keys depend on their kind, with our schemas by kind."""
 
 Kinds = Mapping[str, str]
-"""The kinds that are known so far, by their groups."""
+"""The chosen kinds by their groups, as far as they are known."""
 
 
 def flat(settings: Mapping[str, Any], group: str = "") -> dict[str, Any]:
@@ -45,8 +45,8 @@ class UnknownKey(ConfigError):
 
     Args:
         key: the key with its groups.
-        value: what was given, if that is known.
-        kinds: the kinds that are known.
+        value: the value given, if it is known.
+        kinds: the chosen kinds, as far as they are known.
     """
 
     def __init__(self, key: str, value: object, kinds: Kinds) -> None:
@@ -55,21 +55,21 @@ class UnknownKey(ConfigError):
 
     def __str__(self) -> str:
         given = self.key if self.value is None else f"{self.key}={self.value}"
-        return f"{given}: there is no {self.key}; {_advice(self.key, self.kinds)}"
+        return f"{given}: {_advice(self.key, self.kinds)}"
 
 
 def to_config(node: DictConfig | dict[str, Any], *, own: bool = False) -> Config:
     """Return the valid configuration of composed values.
 
     Args:
-        node: a mapping with all the keys, typed or plain: a saved ``.hydra/config.yaml`` will do.
-        own: whether kinds may be classes of the user's own, which are then imported. Values that
-            the user was handed must not name any.
+        node: a mapping with all the keys, typed or plain, as a saved ``.hydra/config.yaml``.
+        own: whether kinds may be the user's own classes, which are then imported. Not for values
+            from elsewhere.
 
     Raises:
         ConfigError: a key is missing or unknown, or its value isn't allowed.
     """
-    # As a plain mapping, so that the schema refuses what Hydra lets in by `+key=value`.
+    # As a plain mapping, so that the schema refuses the unknown keys of `+key=value`.
     plain = cast(dict[str, Any], node if isinstance(node, dict) else OmegaConf.to_container(node))
     if not own:
         for key, value in flat(plain).items():
@@ -86,7 +86,7 @@ def to_config(node: DictConfig | dict[str, Any], *, own: bool = False) -> Config
 
 @cache
 def _schema(**kinds: str) -> DictConfig:
-    """Return the schema of configurations of these kinds, not to be changed."""
+    """Return the schema of configurations of these kinds; callers mustn't change it."""
     schema = OmegaConf.structured(Config)
     for group, kind in kinds.items():
         schema[group] = OmegaConf.structured(schema_of(group, kind, _OF_KINDS[group]))
@@ -94,7 +94,7 @@ def _schema(**kinds: str) -> DictConfig:
 
 
 def _kind(plain: dict[str, Any], group: str, own: bool) -> str | None:
-    """Return the kind of a group in composed values; none if they leave it out.
+    """Return the kind of a group in composed values, or None if they have none.
 
     Raises:
         OutOfRange: there is no such kind, or it isn't allowed.
@@ -115,18 +115,18 @@ def _kind(plain: dict[str, Any], group: str, own: bool) -> str | None:
 def refusal(
     error: OmegaConfBaseException, given: object, kinds: Kinds | None = None
 ) -> ConfigError:
-    """Return the error for what OmegaConf refuses, in one line that says what is allowed.
+    """Return an error of one line that says what is allowed, for one of OmegaConf's.
 
     Args:
-        error: OmegaConf's own, which takes several lines and doesn't say.
-        given: what the user gave for the key, for the errors that don't hold it.
-        kinds: the kinds that are known.
+        error: OmegaConf's, which has several lines and doesn't say what is allowed.
+        given: the user's value of the key, since not every error has it.
+        kinds: the chosen kinds, as far as they are known.
     """
     key, ranges = error.full_key or "", ranges_of(kinds)
     if isinstance(error, ConfigKeyError | ConfigAttributeError):
-        return UnknownKey(key, given, kinds or {})
-    # What stands in a mapping has no range of its own but the mapping's.
-    words = ranges.get(key) or ranges.get(_group(key))
+        return UnknownKey(key, given, kinds or _kind_beside(error))
+    # The range of an entry is that of its list or mapping.
+    words = ranges.get(key) or ranges.get(key.partition("[")[0]) or ranges.get(_group(key))
     if below := [_name(each) for each in ranges if each.startswith(f"{key}.")]:
         words = words or f"a mapping of {', '.join(below)}"
     if isinstance(error, MissingMandatoryValue) and words:
@@ -137,11 +137,20 @@ def refusal(
     return ConfigError(f"{key}: {str(error).splitlines()[0]}")
 
 
+def _kind_beside(error: OmegaConfBaseException) -> Kinds:
+    """Return the kind of the group in which a key is unknown, if it is one of ours."""
+    group = _group(error.full_key or "")
+    if group not in _OF_KINDS or not isinstance(error.parent_node, DictConfig):
+        return {}
+    kind = OmegaConf.select(error.parent_node, "kind")
+    return {group: kind} if kind in _OF_KINDS[group] else {}
+
+
 def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
-    """Return what each key may hold, in words that complete "must be".
+    """Return the range of each key, in words that complete "must be".
 
     Args:
-        kinds: by group; of a group that isn't among them, the keys of all its kinds.
+        kinds: the chosen kinds; a group without one has the keys of all its kinds.
     """
     ranges = allowed(Config)
     for group, known in _OF_KINDS.items():
@@ -153,19 +162,21 @@ def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
 
 
 def _advice(unknown: str, kinds: Kinds) -> str:
-    """Points to the key of the same name elsewhere, or to the nearest spelling beside it."""
-    group = unknown.partition(".")[0]
-    of_kinds = _OF_KINDS.get(group, {}).items()
-    if owners := [kind for kind, schema in of_kinds if unknown in allowed(schema, f"{group}.")]:
-        return f"{group}={' or '.join(owners)} has one"
+    """Say who has such a key: another kind, another group, or this one in another spelling."""
+    group, _, name = unknown.partition(".")
+    schemas, missing = _OF_KINDS.get(group, {}), f"there is no {unknown}"
+    if owners := [kind for kind in schemas if unknown in allowed(schemas[kind], f"{group}.")]:
+        if kind := kinds.get(group):
+            missing = f"{group}{'' if kind in schemas else '.kind'}={kind} has no {name}"
+        return f"{missing}; it belongs to {group}={' or '.join(owners)}"
     keys = [*ranges_of(kinds)]
     keys += dict.fromkeys(_group(key) for key in keys if _group(key))
     beside = {_name(key): key for key in keys if _group(key) == _group(unknown)}
     same = [key for key in keys if _name(key) == _name(unknown)]
     near = difflib.get_close_matches(_name(unknown), beside, n=1)
     if meant := same or [beside[name] for name in near]:
-        return f"did you mean {' or '.join(meant)}?"
-    return f"there is {', '.join(beside.values()) or _group(unknown)}"
+        return f"{missing}; did you mean {' or '.join(meant)}?"
+    return f"{missing}; there is {', '.join(beside.values()) or _group(unknown)}"
 
 
 def _group(key: str) -> str:

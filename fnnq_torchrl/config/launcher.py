@@ -1,4 +1,4 @@
-"""The schema of the launcher: how the jobs of a sweep are run."""
+"""The schema of the launcher, which runs the jobs of a sweep."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from envs.core.parameters import Parameters, matching, number, one_of, whole
 
 @dataclass
 class LauncherConfig(Parameters):
-    """The settings of the launcher; values and their meaning: conf/hydra/launcher/batch.yaml."""
+    """The settings of the launcher, explained in ``conf/hydra/launcher/batch.yaml``."""
 
     max_batch_size: int = whole(1)
     pictures_up_to: int = whole(0)

@@ -1,4 +1,4 @@
-"""The settings of the loggers: types and ranges. Values and meaning stand in ``conf/logger/``."""
+"""The types and ranges of the loggers' settings, explained in ``conf/logger/``."""
 
 from dataclasses import dataclass
 
@@ -37,7 +37,7 @@ class MlflowConfig(Parameters):
 
 @dataclass
 class LoggerConfig(Parameters):
-    """The chosen loggers; one that is None isn't chosen."""
+    """The chosen loggers; None for one that isn't chosen."""
 
     wandb: WandbConfig | None = None
     tensorboard: TensorboardConfig | None = None

@@ -13,10 +13,10 @@ from fnnq_torchrl.config.schema import PER_RUN, Config
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """A column for each key of `PER_RUN`, with a number of each run.
+    """A column for each key of `PER_RUN`, with one number per run.
 
     Attributes:
-        columns: by key ``[runs]``: ``seed`` int64, the others float64.
+        columns: by key, each ``[runs]``; ``seed`` is int64, the others are float64.
     """
 
     columns: dict[str, NDArray[Any]]
@@ -26,7 +26,7 @@ class Runs:
         """Return the runs of one or more jobs, one job's after the other's.
 
         Args:
-            configs: at least one. Its runs have the seeds ``seed … seed + num_seeds − 1``.
+            configs: at least one; the runs of each have the seeds ``seed … seed + num_seeds − 1``.
         """
         columns: dict[str, NDArray[Any]] = {
             "seed": np.concatenate(
@@ -41,14 +41,14 @@ class Runs:
 
     @property
     def bits(self) -> NDArray[np.int64]:
-        """The bits of the runs' numbers, ``[runs, columns]``: they tell one run from another."""
+        """The bits of the runs' numbers, ``[runs, columns]``, which identify a run."""
         return np.stack([column.view(np.int64) for column in self.columns.values()], axis=-1)
 
     def rows_among(self, bits: NDArray[np.int64]) -> NDArray[np.int64] | None:
-        """Return the row of each run among others, all different; None if one isn't there.
+        """Return a different row for each run among others; None if one is missing.
 
         Args:
-            bits: of the others, as :attr:`bits` has them.
+            bits: those of the others, as in :attr:`bits`.
         """
         places: dict[tuple[int, ...], list[int]] = defaultdict(list)
         for place, row in enumerate(bits.tolist()):

@@ -1,7 +1,7 @@
 """The configuration of a job: a typed and range-checked schema without values.
 
 ``conf/`` holds every value, with its unit and its source. Nothing here imports torch or Hydra, so
-that a mistake is told before anything heavy is loaded.
+a mistake is reported before anything heavy is loaded.
 """
 
 from collections.abc import Iterator
@@ -57,14 +57,14 @@ PER_RUN = (
 
 @dataclass
 class ActionConfig(Parameters):
-    """The actions among which the best is sought: so many of a range, or all of a fixed set."""
+    """The candidate actions: a number of them in a range, or all of a fixed set."""
 
     candidates: Any = or_null(whole(2))
 
 
 @dataclass
 class MachineConfig(Parameters):
-    """Where to compute, and how precisely."""
+    """The device and the precision of the computation."""
 
     device: str = matching(r"cpu|cuda(:[0-9]+)?", "cpu, cuda or cuda:N")
     dtype: str = one_of("float32", "float64")
@@ -72,14 +72,14 @@ class MachineConfig(Parameters):
 
 @dataclass
 class EvaluationConfig(Parameters):
-    """When the runs are tested, and on which starts: fixed ones, or so many random ones."""
+    """The interval of the tests, and their starts: fixed ones, or a number of random ones."""
 
     every: int = whole(1)
     situations: Any = whole_or_rows(1, "start")
 
     @property
     def fixed(self) -> list[list[float]] | None:
-        """The fixed starts, if there are any."""
+        """The fixed starts; None if they are random."""
         return self.situations if isinstance(self.situations, list) else None
 
     @property
@@ -91,7 +91,7 @@ class EvaluationConfig(Parameters):
 
 @dataclass
 class CheckpointConfig(Parameters):
-    """When a training that isn't finished is saved, and what is kept of one that is."""
+    """The saving of unfinished trainings, and of the weights at all evaluations."""
 
     every_s: float = number(above=0)
     snapshots: bool = flag()
@@ -99,7 +99,7 @@ class CheckpointConfig(Parameters):
 
 @dataclass(kw_only=True)
 class Config(Parameters):
-    """One job: a batch of runs that learn side by side. Checked when it is made."""
+    """One job: a batch of runs that learn side by side. Its values are checked when it is made."""
 
     lam: float = number(0, 1)
     seed: int = whole(0)
@@ -127,7 +127,7 @@ class Config(Parameters):
     evaluation: EvaluationConfig
     machine: MachineConfig
     checkpoint: CheckpointConfig
-    logger: LoggerConfig = field(default_factory=LoggerConfig)  # of none but the result files
+    logger: LoggerConfig = field(default_factory=LoggerConfig)  # result files only
 
     def __post_init__(self) -> None:
         if isinstance(self.value, ValueConfig) and isinstance(self.env, WorldConfig):
@@ -136,17 +136,17 @@ class Config(Parameters):
 
     @property
     def largest_value(self) -> float:
-        """A run with a larger |Q| than this has diverged; infinity where no return is too large."""
+        """The |Q| beyond which a run has diverged; infinity if the world states no returns."""
         returns = self.env.returns
         return inf if returns is None else self.diverged_beyond * max(map(abs, returns))
 
     @property
     def best_score(self) -> int | None:
-        """The highest score of a test, if it counts successes."""
+        """The highest score of a test, if it counts successes; else None."""
         return self.evaluation.tests if self.env.tested.measure == "successes" else None
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """Yield the values that are fine alone but not together."""
+        """Yield the values that are allowed alone but not together."""
         if self.step_size == "constant" and self.alpha_decay != 1:
             yield OutOfRange("alpha_decay", self.alpha_decay, "1 where step_size=constant")
         every = self.evaluation.every

@@ -1,7 +1,7 @@
 """The schemas of ``conf/value/``: the keys of every value function. No torch here.
 
-``fnnq_torchrl.agent.values`` has the network of each. A value function of a user's own, whose kind
-is ``module:Class``, has its schema in its class.
+``fnnq_torchrl.agent.values`` has the networks. A user's own value function, whose kind is
+``module:Class``, has its schema in its class.
 """
 
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ ACTIVATIONS = ("tanh", "relu", "leaky_relu")
 
 @dataclass
 class ValueConfig(Parameters):
-    """The keys of every value function: its kind, and its inputs by the names of observations."""
+    """The base of all value functions' keys: the kind, and checks of the inputs."""
 
     kind: str = matching(*KIND)
 
@@ -49,11 +49,11 @@ class ValueConfig(Parameters):
     """The noun for an entry of ``inputs``, with its article, for messages."""
 
     def in_world(self, world: WorldConfig) -> Self:
-        """Return the same with what is left to the world filled in."""
+        """Return a copy in which the world has filled in the keys that are null."""
         return self
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
-        """Yield inputs that the world doesn't offer, or that there are none."""
+        """Yield inputs that the world doesn't have, and an empty set of inputs."""
         inputs, names = getattr(self, "inputs", None), ", ".join(world.observations)
         if inputs is not None and not inputs:
             yield OutOfRange("inputs", inputs, f"{self.of_each_input} for at least one of: {names}")
@@ -67,7 +67,7 @@ class ValueConfig(Parameters):
 
 @dataclass
 class LabelsConfig(ValueConfig):
-    """Gaussian labels [centre, width] of every input and of the action, each with each."""
+    """Gaussian labels [centre, width] of every input and of the action, in every combination."""
 
     inputs: dict[str, list[Any]] = pairs("centre", "width", above=0)
     action: list[Any] = pairs("centre", "width", above=0)
@@ -88,7 +88,7 @@ class TilesConfig(ValueConfig):
     of_each_input: ClassVar = "a range"
 
     def in_world(self, world: WorldConfig) -> Self:
-        """Return the same with the world's own ranges where there are none."""
+        """Return a copy with the world's ranges for the keys that are null."""
         spans = {name: [*span] for name, span in world.observations.items()}
         actions = world.actions
         last = [0.0, actions - 1.0] if isinstance(actions, int) else [*actions]
@@ -115,7 +115,7 @@ class MLPConfig(ValueConfig):
     of_each_input: ClassVar = "the names"
 
     def in_world(self, world: WorldConfig) -> Self:
-        """Return the same with all that the world offers as inputs where there are none."""
+        """Return a copy with all of the world's observations as inputs if they are null."""
         return self if self.inputs is not None else replace(self, inputs=[*world.observations])
 
 

@@ -1,6 +1,6 @@
-"""Choosing among candidate actions. Candidates are the first dimension, runs the last.
+"""The choice among candidate actions. Candidates are the first dimension, runs the last.
 
-Each takes one uniform random number a choice.
+Every choice takes one uniform random number.
 """
 
 import math
@@ -10,10 +10,10 @@ from torch import Tensor
 
 
 def epsilon_greedy(action_values: Tensor, epsilon: Tensor, u: Tensor) -> Tensor:
-    """A random candidate with probability ε, else the best one, ties broken evenly at random.
+    """A random candidate with probability ε, else the best one, with ties broken evenly at random.
 
-    One uniform number decides all: below ε, where it lies there is the random candidate; above,
-    where it lies between ε and 1 picks among the best.
+    One uniform number decides: below ε, its place in [0, ε) picks among all candidates; above, its
+    place in [ε, 1) picks among the best.
 
     Args:
         action_values: ``[candidates, *runs]``.
@@ -25,7 +25,7 @@ def epsilon_greedy(action_values: Tensor, epsilon: Tensor, u: Tensor) -> Tensor:
     """
     explore = u < epsilon
     best = action_values == action_values.amax(0)
-    # Small whole numbers, kept as floats: loops over many runs load those fastest.
+    # Small whole numbers, kept as floats, which loops over many runs load fastest.
     rank = best.to(u.dtype).cumsum(0)  # numbers the best ones 1, 2, …
     among = torch.where(explore, len(action_values), rank[-1])
     share = torch.where(explore, u, u - epsilon) / torch.where(explore, epsilon, 1 - epsilon)
@@ -47,7 +47,7 @@ def boltzmann(action_values: Tensor, temperature: Tensor, u: Tensor) -> Tensor:
     strength = torch.exp((action_values - action_values.amax(0)) / temperature)
     below = strength.cumsum(0)
     total = below[-1]
-    # Never beyond the last candidate that adds anything, should u·total be rounded up to the total.
+    # If u·total is rounded up to the total, the choice is the last candidate that adds to the sum.
     passed = (below <= u * total) & (below < total)
     return passed.to(u.dtype).sum(0).int()
 
@@ -55,8 +55,8 @@ def boltzmann(action_values: Tensor, temperature: Tensor, u: Tensor) -> Tensor:
 def noisy_greedy(action_values: Tensor, candidates: Tensor, noise_std: Tensor, u: Tensor) -> Tensor:
     """The best candidate plus normal noise, kept within the candidates' range.
 
-    The uniform number first breaks ties; where it lies within the share of the one that it picked
-    is uniform again, and makes the noise.
+    The uniform number first breaks ties. Its place within the share of the picked candidate is
+    uniform again, and makes the noise.
 
     Args:
         action_values: ``[candidates, *runs]``.
@@ -65,7 +65,7 @@ def noisy_greedy(action_values: Tensor, candidates: Tensor, noise_std: Tensor, u
         u: uniform in [0, 1), ``[*runs]``.
 
     Returns:
-        The action itself, which need not be a candidate, ``[*runs]``.
+        The action itself, ``[*runs]``; it need not be a candidate.
     """
     best = action_values == action_values.amax(0)
     ties = u * best.to(u.dtype).sum(0)
@@ -76,9 +76,9 @@ def noisy_greedy(action_values: Tensor, candidates: Tensor, noise_std: Tensor, u
 
 
 def normal_quantile(u: Tensor) -> Tensor:
-    """The standard normal's quantile Φ⁻¹(u), within 10⁻⁴, of u in [10⁻⁶, 1 − 10⁻⁶] or moved there.
+    """The standard normal's quantile Φ⁻¹(u), within 10⁻⁴; u is clamped to [10⁻⁶, 1 − 10⁻⁶].
 
-    Of elementary functions: S. Winitzki's inverse of erf ("A handy approximation for the error
+    From elementary functions: S. Winitzki's inverse of erf ("A handy approximation for the error
     function and its inverse", 2008), then one step of Newton's method on erf itself.
 
     Args:
@@ -95,15 +95,15 @@ def normal_quantile(u: Tensor) -> Tensor:
 
 
 def is_greedy(action_values: Tensor, candidates: Tensor, action: Tensor) -> Tensor:
-    """Whether an action is one of the best candidates.
+    """Return 1 where an action is one of the best candidates, else 0.
 
     Args:
         action_values: Q of the candidates, ``[candidates, *runs]``.
         candidates: the actions, ``[candidates]``.
-        action: what was chosen, ``[*runs]``.
+        action: the chosen action, ``[*runs]``.
 
     Returns:
-        1 or 0, ``[*runs]``, in the dtype of the values.
+        ``[*runs]``, in the dtype of the values.
     """
     every_run = (-1, *[1] * action.ndim)
     chosen = candidates.view(every_run) == action

@@ -1,7 +1,7 @@
-"""Two orders of dimensions: TensorDicts have the runs first, the arithmetic has them last.
+"""Two orders of dimensions: TensorDicts have the runs first, the equations have them last.
 
-Runs-last, sums over rules and candidates unroll into a few vectorised loops over the runs. The
-TensorDict faces move the dimension at their edge: a view, it costs nothing.
+With the runs last, sums over rules and candidates unroll into a few vectorised loops over the runs.
+Modules that read TensorDicts move the dimension, which makes a view and costs nothing.
 """
 
 import torch
@@ -9,37 +9,37 @@ from torch import Tensor
 
 
 def runs_last(tensor: Tensor) -> Tensor:
-    """``[runs, *rest]`` as ``[*rest, runs]``."""
+    """Return ``[runs, *rest]`` as ``[*rest, runs]``."""
     return tensor.movedim(0, -1)
 
 
 def runs_first(tensor: Tensor) -> Tensor:
-    """``[*rest, runs]`` as ``[runs, *rest]``."""
+    """Return ``[*rest, runs]`` as ``[runs, *rest]``."""
     return tensor.movedim(-1, 0)
 
 
 def per_run(tensor: Tensor) -> Tensor:
-    """A number of each run, ``[runs, 1]``, as ``[runs]``; a number shared by all stays as it is."""
+    """Return one number per run, ``[runs, 1]``, as ``[runs]``; a single number stays as it is."""
     return tensor.squeeze(-1)
 
 
 def over_batch(numbers: Tensor, like: Tensor) -> Tensor:
-    """A number of each run, ``[runs, 1]``, or of all, to broadcast with ``[runs, *batch]``.
+    """Return one number per run, or one for all, in a shape that broadcasts with another tensor.
 
     Args:
         numbers: ``[runs, 1]`` or a single one.
-        like: what it is to broadcast with, at least one dimension.
+        like: the other tensor, ``[runs, *batch]``.
     """
     return numbers.reshape(-1, *[1] * (like.ndim - 1))
 
 
 def run_numbers(name: str, value: Tensor | float, like: Tensor) -> Tensor:
-    """A hyper-parameter as a tensor.
+    """Return a hyper-parameter as a tensor.
 
     Args:
-        name: what to call it if it is refused.
+        name: its name in the error.
         value: one number for all runs, or one per run, ``[runs, 1]``.
-        like: whose dtype and device it gets.
+        like: a tensor of the dtype and device of the result.
 
     Raises:
         ValueError: it has another shape.

@@ -26,20 +26,20 @@ def firing_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
     """One input's share in the rules' normalised firing strengths: μᵢ(x) / Σμ(x).
 
     With every label of every input combined by the product t-norm, the strengths' sum factors, and
-    so do the normalised strengths: σᵢ/Σσ = Πⱼ μᵢⱼ(xⱼ)/Σμ(xⱼ) (paper, eq. 7, 8). A softmax of the
-    logarithms, so far from every centre it is the nearest label's and never 0/0.
+    so do the normalised strengths: σᵢ/Σσ = Πⱼ μᵢⱼ(xⱼ)/Σμ(xⱼ) (paper, eq. 7, 8). Computed as a
+    softmax of the logarithms: far from every centre the nearest label has it all, instead of 0/0.
 
     Args and result: as :func:`log_membership`; the labels' shares sum to one.
     """
-    # Not torch.softmax: over the first dimension it shares even the smallest batch between threads,
-    # which is slow, and cuts it amid vectors, so that the last bit depends on how many threads.
+    # Not torch.softmax: along the first dimension it splits even the smallest batch among threads,
+    # which is slow, and it splits within vectors, so the last bit depends on the threads' number.
     strength = log_membership(x, centres, inverse_widths)
     strength = torch.exp(strength - strength.amax(0))
     return strength * strength.sum(0).reciprocal()
 
 
 def crisp_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-    """All of a number to the label of its highest membership; on a border, half to either.
+    """1 for the label of the highest membership, 0 for the others; on a border, half to either.
 
     Args and result: as :func:`log_membership`; the labels' shares sum to one.
     """
@@ -51,13 +51,13 @@ def crisp_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
 def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tensor) -> Tensor:
     """Q(s, a) = Σᵢ wᵢσᵢ / Σσ, the weighted average of the consequents (paper, eq. 8).
 
-    Sums over one input's labels after the other: with few labels that's far less work than over
-    all rules, and the order of summation does not depend on the batch.
+    The sum runs over the labels of one input after another. With few labels that is far less work
+    than a sum over all rules, and its order doesn't depend on the batch.
 
     Args:
         consequents: w, ``[labels of input 1, …, labels of input n, action labels, *bases, runs]``;
-            there may be several rule bases, or, with ``bases = ()``, a single one.
-        shares: for each state input, its labels' shares ``[labels, *batch, *bases, runs]``.
+            ``bases`` is ``()`` for a single rule base.
+        shares: of each state input, its labels' shares ``[labels, *batch, *bases, runs]``.
         action_shares: ``[action labels, actions, *batch or 1s, *bases, runs or 1]``.
 
     Returns:

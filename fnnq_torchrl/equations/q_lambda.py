@@ -1,8 +1,8 @@
-"""Q(λ), one step of it (paper, Table 1 and eq. 4, 5). The runs are the last dimension.
+"""One step of Q(λ) (paper, Table 1 and eq. 4, 5). The runs are the last dimension.
 
 Source: J. Peng, R. J. Williams, "Incremental multi-step Q-learning", Machine Learning 22, 1996.
-The paper's Table 1 f prints Q̂ ← Q̂ + α·Tr; as in Peng & Williams it is Q̂ ← Q̂ + α·Tr·δ. Its V̂(s)
-is printed as arg max Q̂; it is the max.
+Two misprints of the paper are mended: its Table 1 f has Q̂ ← Q̂ + α·Tr for Peng and Williams'
+Q̂ ← Q̂ + α·Tr·δ, and its V̂(s) is arg max Q̂ for max Q̂.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ def td_errors(
 
     Args:
         reward: r, any shape; the others have the same or broadcast to it.
-        terminated: s′ is an end (bool): V(s′) counts as 0.
+        terminated: bool; where s′ is an end, V(s′) counts as 0.
         value: V(s) = max Q(s, ·).
         chosen_value: Q(s, a).
         next_value: V(s′) = max Q(s′, ·).
@@ -43,8 +43,9 @@ class Variant(NamedTuple):
     """A variant of Q(λ).
 
     Attributes:
-        past_gets_td_error: the earlier pairs get δ; else they get δ′, as the present pair does.
-        cuts: the trace is cut before an action that is not greedy.
+        past_gets_td_error: whether the earlier pairs of state and action get δ; else they get δ′,
+            as the present pair does.
+        cuts: whether the trace is cut before an action that isn't greedy.
     """
 
     past_gets_td_error: bool
@@ -60,28 +61,28 @@ VARIANTS = {
 
 * ``peng``, the paper's: the earlier pairs get δ = r + γV(s′) − V(s), the present one δ′ = r +
   γV(s′) − Q(s, a). The trace is never cut.
-* ``watkins``: what came before an action that is not greedy is not to answer for what comes after
+* ``watkins``: all pairs get δ′, and the trace is cut before an action that isn't greedy
   (C. J. C. H. Watkins, "Learning from delayed rewards", 1989; R. S. Sutton, A. G. Barto,
   "Reinforcement learning", 1998, fig. 7.14).
 * ``naive``: Watkins' without the cut (Sutton & Barto, 1998, section 7.6).
 
-All keep the order of Table 1: e ← γλe; the earlier pairs by e and the present one by ∇Q(s, a), from
-the weights before the step; then step h. Sutton & Barto have the present pair in e before Δw = δ′e:
-the same Δw, but for the trace ``output``, where the present pair still gets δ′∇Q(s, a), so that
-λ = 0 is Q-learning whatever the variant.
+All keep the order of Table 1: e ← γλe; then the earlier pairs change along e and the present one
+along ∇Q(s, a), from the weights before the step; then step h. Sutton & Barto put the present pair
+into e first, and then change along Δw = δ′e. That is the same Δw except with the trace ``output``:
+here the present pair still gets δ′∇Q(s, a), so that with λ = 0 every variant is Q-learning.
 """
 
 
 class Rule:
-    """Which Q(λ) it is, with which trace.
+    """A variant of Q(λ) with a trace.
 
     Args:
         variant: a name in :data:`VARIANTS`.
         trace: a name in :data:`fnnq_torchrl.equations.traces.TRACES`.
-        window: the steps that ``trace="window"`` keeps.
+        window: the number of steps that ``trace="window"`` keeps.
 
     Raises:
-        ValueError: there is no such variant or trace, or the window has no step.
+        ValueError: there is no such variant or trace, or the window is missing or below 1.
     """
 
     def __init__(
@@ -104,10 +105,10 @@ class Rule:
         greedy: Tensor | None,
         goes_on: Tensor,
     ) -> Credited:
-        """Return Δw and the new trace of all tensors of weights.
+        """Return Δw and the new trace for every tensor of weights.
 
         Args:
-            traces: e of each tensor, as the trace's ``start`` has it.
+            traces: e of each tensor, in the shape that the trace's ``start`` gives it.
             gradients: ∇Q(s, a) of each, ``[*weights, runs]``.
             td_error, chosen_td_error: δ and δ′, ``[runs]``.
             decay: γλ, ``[runs]``.
@@ -126,9 +127,9 @@ class Rule:
         decay: Tensor,
         greedy: Tensor | None,
     ) -> list[Tensor]:
-        """Return z, the trace with the present pair in it: Δw of a step whose errors are both 1.
+        """Return z, the trace with the present pair in it, which is Δw for two errors of 1.
 
-            z = γλe + ∇Q(s, a),  or what the trace makes of it
+            z = γλe + ∇Q(s, a),  or as the kind of trace combines them
 
         Args:
             traces, gradients, decay, greedy: as in :meth:`update`.
@@ -140,13 +141,13 @@ class Rule:
         return [z for z, _ in self.update(traces, gradients, one, one, decay, greedy, one)]
 
     def largest_error(self, td_error: Tensor, chosen_td_error: Tensor) -> Tensor:
-        """Return the larger, by absolute value, of the errors that are handed out.
+        """Return the larger absolute value of the two errors, of those that the variant uses.
 
         Args:
             td_error, chosen_td_error: δ and δ′, any shape.
 
         Returns:
-            max(|δ|, |δ′|) or, where δ has no part in it, |δ′|.
+            max(|δ|, |δ′|) or, for a variant without δ, |δ′|.
         """
         past_error = td_error if self.variant.past_gets_td_error else chosen_td_error
         return torch.maximum(past_error.abs(), chosen_td_error.abs())

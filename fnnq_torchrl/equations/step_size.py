@@ -1,11 +1,10 @@
-"""The size of a step along its direction. The runs are the last dimension.
+"""Rules for the step size α. The runs are the last dimension.
 
-Δw = α(δe + δ′∇Q(s, a)), and two rules look at that direction before they say what α is. They know
-it by the trace with the present pair in it, z = γλe + ∇Q(s, a), which is Δw/α of a step whose two
-errors are 1 (:meth:`.q_lambda.Rule.present_trace`). Watkins' and naive Q(λ) go along δ′z, as the
-learners of both sources do. Peng's has two errors. ``obgd`` takes the larger of them; what
-``alpha_bound`` says of signs holds for a greedy action, which makes them the same, and else is a
-rule of thumb.
+A step is α(δe + δ′∇Q(s, a)), and two of the rules look at its direction first. They get the trace
+with the present pair in it, z = γλe + ∇Q(s, a), which is the direction for two errors of 1
+(:meth:`.q_lambda.Rule.present_trace`). Watkins' and naive Q(λ) go along δ′z, as the learners of
+both sources do. Peng's has two errors: ``obgd`` takes the larger one. The guarantee of
+``alpha_bound`` holds for a greedy action, where both are equal; otherwise it is a rule of thumb.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -17,12 +16,12 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Direction:
-    """Lazy quantities of a step, for rules that look at it before they say α.
+    """Quantities of a step, computed only for the rules that need them.
 
     Attributes:
         present_trace: returns z, tensors ``[*weights, runs]``.
-        largest_error: returns |δ|, of several errors the largest, ``[runs]``.
-        error_slope: returns ∇δ′ = γφ′ − φ with φ = ∇Q(s, a), φ′ = ∇V(s′), as z.
+        largest_error: returns |δ|, the largest of the errors, ``[runs]``.
+        error_slope: returns ∇δ′ = γφ′ − φ with φ = ∇Q(s, a), φ′ = ∇V(s′), shaped as z.
     """
 
     present_trace: Callable[[], Sequence[Tensor]]
@@ -34,18 +33,18 @@ class StepSize:
     """The paper's step size: α, multiplied by its decay after each success; 1 keeps it constant."""
 
     def start(self, alpha: Tensor) -> Tensor:
-        """Return α before the first step, shaped as it is given."""
+        """Return α before the first step, in the shape given."""
         return alpha.clone()
 
     def update(
         self, alpha: Tensor, kappa: Tensor | None, direction: Direction
     ) -> tuple[Tensor, Tensor]:
-        """Return α of this step, and α from which later ones go on.
+        """Return α for this step, and α to go on with.
 
         Args:
             alpha: α so far, ``[runs]``.
             kappa: κ of :func:`obgd`, ``[runs]``.
-            direction: of the step.
+            direction: the quantities of the step.
 
         Returns:
             Each ``[runs]``.
@@ -66,7 +65,7 @@ class ObGD(StepSize):
 
 
 class AlphaBound(StepSize):
-    """α that only falls: the :func:`alpha_bound` of each step is kept."""
+    """α that never rises: the :func:`alpha_bound` of each step is kept."""
 
     def update(
         self, alpha: Tensor, kappa: Tensor | None, direction: Direction
@@ -77,7 +76,7 @@ class AlphaBound(StepSize):
 
 STEP_SIZES: dict[str, type[StepSize]] = {
     "decay": StepSize,
-    "constant": StepSize,  # which has a decay of 1
+    "constant": StepSize,  # with a decay of 1
     "obgd": ObGD,
     "alpha_bound": AlphaBound,
 }
@@ -110,13 +109,13 @@ def obgd(alpha: Tensor, kappa: Tensor, error: Tensor, trace: Sequence[Tensor]) -
 
         α / max(M, 1) with M = ακδ̄‖z‖₁, δ̄ = max(|δ|, 1)
 
-    so that κδ̄‖z‖₁ times it is at most 1. M. Elsayed, G. Vasan, A. R. Mahmood, "Streaming deep
+    so its product with κδ̄‖z‖₁ is at most 1. M. Elsayed, G. Vasan, A. R. Mahmood, "Streaming deep
     reinforcement learning finally works", 2024, algorithm 3.
 
     Args:
         alpha: α, the largest step size, ``[runs]``.
         kappa: κ, ``[runs]``.
-        error: |δ|, of several errors the largest, ``[runs]``.
+        error: |δ|, the largest of the errors, ``[runs]``.
         trace: z, tensors ``[*weights, runs]``.
 
     Returns:
@@ -128,17 +127,17 @@ def obgd(alpha: Tensor, kappa: Tensor, error: Tensor, trace: Sequence[Tensor]) -
 
 
 def alpha_bound(alpha: Tensor, trace: Sequence[Tensor], error_slope: Sequence[Tensor]) -> Tensor:
-    """Return the step size by the α bound: the largest so far that turned the sign of no TD error.
+    """Return the largest α that would have turned the sign of no TD error so far.
 
         α ← min(α, 1/|z·(γφ′ − φ)|) where z·(γφ′ − φ) < 0, with φ = ∇Q(s, a), φ′ = ∇V(s′)
 
-    Where Q is linear, a step αδz makes (1 + αz·(γφ′ − φ))δ of the error δ. W. Dabney, A. G. Barto,
+    With a linear Q, a step αδz changes the error δ to (1 + αz·(γφ′ − φ))δ. W. Dabney, A. G. Barto,
     "Adaptive step-size for online temporal difference learning", AAAI 2012.
 
     Args:
         alpha: α so far, ``[runs]``.
         trace: z, tensors ``[*weights, runs]``.
-        error_slope: γφ′ − φ, which is ∇δ′, of each.
+        error_slope: ∇δ′ = γφ′ − φ, shaped as z.
 
     Returns:
         ``[runs]``.

@@ -1,11 +1,11 @@
 """The eligibility trace of Q(λ): steps f, g and h of the paper's Table 1. The runs come last.
 
-A trace credits the pairs of state and action that came before. All classes have one form: `start`
-makes the trace of weights before the first step, `update` gives the direction Δw of a step and the
-trace after it. Δw is multiplied by the step size α later.
+A trace credits the earlier pairs of state and action. All classes have one form: `start` makes the
+trace before the first step, `update` returns the direction Δw of a step and the trace after it. Δw
+is multiplied by the step size α later.
 
-What step h, Tr(s, a) ← Tr(s, a) + 1, does to the trace e of a network, with f = ∇Q(s, a), is what
-they differ in.
+The classes differ in step h, Tr(s, a) ← Tr(s, a) + 1: in its meaning for the trace e of a network
+with the gradient f = ∇Q(s, a).
 """
 
 from abc import ABC, abstractmethod
@@ -17,16 +17,16 @@ from torch import Tensor
 
 
 class Credit(NamedTuple):
-    """The errors of a step, and how the trace fades before and after it.
+    """The errors of a step, and the factors by which the trace fades before and after it.
 
     Attributes:
-        past_error: what the earlier pairs get, δ for Peng's Q(λ), ``[runs]``.
-        present_error: what the present pair gets, δ′, ``[runs]``.
+        past_error: the error of the earlier pairs, δ for Peng's Q(λ), ``[runs]``.
+        present_error: the error of the present pair, δ′, ``[runs]``.
         decay: γλ, ``[runs]``.
         keeps: 0 where the trace is cut before the update, else 1, ``[runs]``; None if it is never
             cut.
-        goes_on: 1, or 0 where the episode has ended, also by truncation, ``[runs]``.
-        at_once: whether a replacing trace takes in ∇Q before Δw (Watkins, Δw = δ′e) or after
+        goes_on: 0 where the episode has ended, also by truncation, else 1, ``[runs]``.
+        at_once: whether a replacing trace takes in ∇Q before Δw (Watkins, Δw = δ′e) or after it
             (Table 1, Δw = δe + δ′f).
     """
 
@@ -50,7 +50,7 @@ class Trace(ABC):
         """Make the trace.
 
         Args:
-            window: the steps that a finite window keeps; no other trace has one.
+            window: the number of steps that a finite window keeps; the other traces ignore it.
         """
         return cls()
 
@@ -61,7 +61,7 @@ class Trace(ABC):
             weights: ``[*weights, runs]``.
 
         Returns:
-            Zeros, of that shape unless the class says otherwise.
+            Zeros of that shape; for a window, of as many times that shape.
         """
         return torch.zeros_like(weights)
 
@@ -69,12 +69,12 @@ class Trace(ABC):
     def update(
         self, traces: Sequence[Tensor], gradients: Sequence[Tensor], credit: Credit
     ) -> Credited:
-        """Return Δw and the trace after a step, of all tensors of weights.
+        """Return Δw of a step and the trace after it, for every tensor of weights.
 
         Args:
-            traces: e of each tensor, as :meth:`start` has it.
+            traces: e of each tensor, in the shape that :meth:`start` gives it.
             gradients: f = ∇Q(s, a) of each, ``[*weights, runs]``.
-            credit: what the step hands out.
+            credit: the errors of the step.
         """
 
 
@@ -98,15 +98,15 @@ class GradientTrace(Trace):
         ]
 
     def scale(self, gradients: Sequence[Tensor]) -> Tensor | float:
-        """Return what step h adds, as a multiple of f."""
+        """Return the multiple of f that step h adds."""
         return 1.0
 
 
 class OutputTrace(GradientTrace):
     """The paper to the letter: the trace network's output at (s, a) rises by one, e ← e + f/‖f‖².
 
-    Exactly by one where Q is linear in the weights; not at all where f is zero, and nothing can
-    make it.
+    It rises by exactly one if Q is linear in the weights. Where f is zero, no change of e can raise
+    it, and e stays.
     """
 
     def scale(self, gradients: Sequence[Tensor]) -> Tensor:
@@ -115,10 +115,10 @@ class OutputTrace(GradientTrace):
 
 
 class ReplacingTrace(Trace):
-    """A trace that is replaced: e ← f wherever |f| is no less than |e|, else e.
+    """A replacing trace: e ← f wherever |f| ≥ |e|, else e stays.
 
-    For a table, that of S. P. Singh, R. S. Sutton, "Reinforcement learning with replacing
-    eligibility traces", Machine Learning 22, 1996; for features that are no mere 0 and 1, of
+    For a table it is that of S. P. Singh, R. S. Sutton, "Reinforcement learning with replacing
+    eligibility traces", Machine Learning 22, 1996; for features other than 0 and 1, that of
     K. Främling, "Replacing eligibility trace for action-value learning with function
     approximation", ESANN 2007.
     """
@@ -141,15 +141,14 @@ class WindowTrace(Trace):
 
         Δw = δΣ(γλ)ᵏfₖ + δ′f,   fₖ the gradient k steps ago, k from 1 to the window
 
-    The gradients themselves are kept, the latest first, ``[window, *weights, runs]``. So no
-    rounding builds up, as it would in a sum to which the latest is added and from which the oldest
-    is taken.
+    The gradients themselves are kept, the latest first, ``[window, *weights, runs]``. A running
+    sum, with the latest added and the oldest subtracted, would build up rounding errors.
 
     Args:
-        window: how many there are.
+        window: the number of gradients kept.
 
     Raises:
-        ValueError: there is none.
+        ValueError: it is below 1.
     """
 
     def __init__(self, window: int) -> None:
@@ -190,7 +189,7 @@ TRACES: dict[str, type[Trace]] = {
 }
 """The traces by their names (:data:`fnnq_torchrl.equations.names.TRACES`).
 
-For a table the first two are the same, and so is a window as long as the episode.
+For a table the first two are the same, and a window as long as the episode equals them.
 """
 
 
@@ -207,6 +206,6 @@ def squared_norm(gradients: Iterable[Tensor]) -> Tensor:
 
 
 def _faded(credit: Credit) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return the credit with a decay of 0 where the trace is cut."""
+    """Return the two errors, the decay (0 where the trace is cut) and ``goes_on``."""
     decay = credit.decay if credit.keeps is None else credit.decay * credit.keeps
     return credit.past_error, credit.present_error, decay, credit.goes_on

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Files that appear only once they are complete."""
 
 import os
 import secrets
@@ -20,9 +20,9 @@ _UNFINISHED = ".*." + 2 * _TOKEN_BYTES * "[0-9a-f]" + ".tmp"
 def atomic_write(path: Path, *, durable: bool = True) -> Iterator[BinaryIO]:
     """Open a binary file that appears under ``path`` only once it is complete and on disk.
 
-    Until the block ends well, an earlier file at ``path`` stays as it was; if the block or the
-    writing fails, nothing is left behind. (A killed process may leave a hidden ``.tmp`` file: see
-    :func:`clear_leftovers`.) The new file's permissions follow the umask.
+    An earlier file at ``path`` stays until the block has ended without an error. If the block or
+    the writing fails, nothing is left behind. (A killed process may leave a hidden ``.tmp`` file:
+    see :func:`clear_leftovers`.) The new file's permissions follow the umask.
 
     Args:
         path: the file.
@@ -32,8 +32,8 @@ def atomic_write(path: Path, *, durable: bool = True) -> Iterator[BinaryIO]:
     Raises:
         OSError: the directory is missing or read-only, or the disk is full; names ``path``.
     """
-    # In the same directory, since a rename is atomic within one file system only. Not tempfile,
-    # whose files are private to the user whatever the umask.
+    # In the same directory, since a rename is atomic only within a file system. Not by tempfile,
+    # which ignores the umask and makes private files.
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(_TOKEN_BYTES)}.tmp")
     try:
         with open(temporary, "xb") as file:
@@ -47,14 +47,14 @@ def atomic_write(path: Path, *, durable: bool = True) -> Iterator[BinaryIO]:
                 temporary.unlink(missing_ok=True)
                 raise
     except OSError as error:
-        # Writing names no file, and the temporary one tells the user nothing.
+        # An error of writing names no file or the temporary one; the user needs the real name.
         if error.errno is None or error.filename not in (None, str(temporary)):
             raise
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def clear_leftovers(directory: Path) -> None:
-    """Remove the hidden files that killed processes have left of :func:`atomic_write`.
+    """Remove the hidden files that :func:`atomic_write` leaves when its process is killed.
 
     Nothing else may be writing in the directory.
     """
@@ -65,7 +65,7 @@ def clear_leftovers(directory: Path) -> None:
 
 @contextmanager
 def alone_in(directory: Path) -> Iterator[None]:
-    """A block that no two processes are in for the same directory, where its file system can tell.
+    """A block that only one process at a time runs for a directory, if the file system has locks.
 
     Raises:
         OSError: there is no such directory.
@@ -75,7 +75,7 @@ def alone_in(directory: Path) -> Iterator[None]:
         return
     handle = os.open(directory, os.O_RDONLY)
     try:
-        with suppress(OSError):  # a file system may know no locks
+        with suppress(OSError):  # the file system may have no locks
             fcntl.flock(handle, fcntl.LOCK_EX)
         yield
     finally:

@@ -1,4 +1,4 @@
-"""Files of tensors, numbers and texts, which can run no code."""
+"""Files of tensors, numbers and texts; reading one runs no code from it."""
 
 import io
 from pathlib import Path
@@ -34,19 +34,19 @@ def read_plain(path: Path, form: int, what: str) -> dict[str, Any]:
     Args:
         path: the file.
         form: the number of the format that it must have.
-        what: what it should be, with its article, for the message if it isn't.
+        what: the noun for such a file, with its article, for the error.
 
     Raises:
         OSError: it can't be read.
-        ValueError: it is something else, damaged, or of another format. One line.
+        ValueError: it is something else, damaged, or of another format; the text is one line.
     """
     data = path.read_bytes()
     try:
-        # Torch's reader passes over the checksums that torch's writer gives every entry.
+        # Torch writes a checksum with every entry, but doesn't check it when reading.
         if damaged := ZipFile(io.BytesIO(data)).testzip():
             raise ValueError(f"{damaged} is damaged")
         content = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
-    # Bytes from anywhere make torch's reader raise nearly anything: EOFError, KeyError, ...
+    # On arbitrary bytes torch's reader raises nearly any error: EOFError, KeyError, …
     except Exception as error:
         raise ValueError(f"{path} is not {what}, or a damaged one") from error
     if not isinstance(content, dict) or "format" not in content:

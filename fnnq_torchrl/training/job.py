@@ -143,7 +143,7 @@ def _check(batch: Batch) -> None:
         raise OutOfRange("machine.device", config.machine.device, allowed)
     if is_own(config.env.kind):
         dtype = getattr(torch, config.machine.dtype)
-        check_world(make_world(config.env, [2], dtype=dtype, device=device))
+        check_world(make_world(config.env, [2], seed=0, dtype=dtype, device=device))
     if large := check_memory(batch):
         announce(large)
     for job in batch.jobs:

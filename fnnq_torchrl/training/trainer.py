@@ -79,7 +79,7 @@ class Trainer:
         """Make the learning step of so many runs."""
         config = self.config
         return Learner(
-            make_world(config.env, [lanes], dtype=self.dtype, device=self.device),
+            make_world(config.env, [lanes], seed=0, dtype=self.dtype, device=self.device),
             self._value_network(lanes),
             rule=Rule(config.variant, config.trace, config.window),
             step_size=make_step_size(config.step_size),

@@ -258,7 +258,7 @@ def test_with_sgd_the_hook_learns_what_the_program_learns(
     learner = make_learner(settings, run, network)
     expected = advance(learner, run, STEPS)["weights"]
 
-    env = FollowBall(settings.env, [RUNS], dtype=torch.float64)
+    env = FollowBall(settings.env, [RUNS], dtype=torch.float64, seed=0)
     policy = EpsilonGreedyPolicy(network, run["epsilon"])
     loss = PengQLambdaLoss(network, run["gamma"])
     trace = EligibilityTrace(loss, run["lam"], Rule(trace=reading))
@@ -389,7 +389,7 @@ def test_the_hook_works_in_torchrls_trainer() -> None:
     loss = PengQLambdaLoss(network, settings.gamma)
     trainer = Trainer(
         collector=Collector(
-            FollowBall(settings.env, [RUNS], dtype=torch.float64),
+            FollowBall(settings.env, [RUNS], dtype=torch.float64, seed=0),
             EpsilonGreedyPolicy(network, settings.epsilon),
             frames_per_batch=RUNS,
             total_frames=RUNS * STEPS,

@@ -59,7 +59,7 @@ def test_runs_explore_as_often_as_their_epsilon_says(history: TensorDict) -> Non
 
 
 def test_a_shared_epsilon_is_one_number(network: FNNQValue) -> None:
-    env = FollowBall(config().env, [5], dtype=torch.float64)
+    env = FollowBall(config().env, [5], dtype=torch.float64, seed=0)
     state = env.reset()
     shared = EpsilonGreedyPolicy(network, 0.5)(state.copy())
     own = EpsilonGreedyPolicy(network, torch.full((5, 1), 0.5).double())(state.copy())
@@ -68,7 +68,9 @@ def test_a_shared_epsilon_is_one_number(network: FNNQValue) -> None:
 
 def test_it_names_what_it_reads_and_writes(network: FNNQValue) -> None:
     policy = EpsilonGreedyPolicy(network, EPSILON)
-    state = FollowBall(config().env, [5], dtype=torch.float64).reset().select(*policy.in_keys)
+    state = (
+        FollowBall(config().env, [5], dtype=torch.float64, seed=0).reset().select(*policy.in_keys)
+    )
     assert set(policy(state).keys()) == {*policy.in_keys, *policy.out_keys}
 
 
@@ -76,7 +78,7 @@ def test_it_names_what_it_reads_and_writes(network: FNNQValue) -> None:
 @pytest.mark.parametrize("batch_size", [(1,), (3,), (21,), (5, 3), (1, 21)])
 def test_it_drives_batches_of_any_shape(batch_size: tuple[int, ...], exploration: str) -> None:
     network = make_value_network(config().value, CANDIDATES, runs=1)
-    env = FollowBall(config().env, batch_size, dtype=torch.float64)
+    env = FollowBall(config().env, batch_size, dtype=torch.float64, seed=0)
     with torch.no_grad():
         history = env.rollout(3, make_policy(exploration, network, 0.5))
     assert history["action"].shape == (*batch_size, 3, 1)
@@ -90,6 +92,6 @@ def test_there_is_no_other_policy(network: FNNQValue) -> None:
 
 
 def test_a_batch_without_runs_is_refused(network: FNNQValue) -> None:
-    state = FollowBall(config().env, (), dtype=torch.float64).reset()
+    state = FollowBall(config().env, (), dtype=torch.float64, seed=0).reset()
     with pytest.raises(ValueError, match=r"batch_size=\[1\]"):
         EpsilonGreedyPolicy(network, 0.5)(state)

@@ -23,12 +23,14 @@ from fnnq_torchrl.engine.native import NativeLoop
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.weights import load_checkpoint
 from tests.oracles import approximators
-from tests.programs import advance, config, in_lanes, make_learner, make_runs
+from tests.programs import SMALL_WORLD, advance, config, in_lanes, make_learner, make_runs
 
 CANDIDATES = torch.linspace(-1, 1, 21, dtype=torch.float64)
 RUNS = 3
 SMALL = {"mlp": ["value.widths=[6]"], "tiles": ["value.tilings=4", "value.tiles=3"]}
 """For the kinds that are large otherwise."""
+
+IN_DOUBLE = ("alpha=0.1", "machine.dtype=float64")
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "values.md"
@@ -186,7 +188,16 @@ def test_a_run_alone_is_the_run_in_a_batch(kind: str) -> None:
 @pytest.mark.usefixtures("compiler")
 @pytest.mark.parametrize("kind", SCHEMAS)
 def test_compiled_is_eager(kind: str) -> None:
-    small = config(f"value={kind}", "alpha=0.1", "machine.dtype=float64", *SMALL.get(kind, []))
+    agrees_with_the_compiled(config(f"value={kind}", *IN_DOUBLE, *SMALL.get(kind, [])))
+
+
+@pytest.mark.usefixtures("compiler")
+def test_a_compiled_value_function_of_ones_own_is_eager(there: Path) -> None:
+    agrees_with_the_compiled(fourier_config(there, *IN_DOUBLE, *SMALL_WORLD, "value.order=3"))
+
+
+def agrees_with_the_compiled(small: Config) -> None:
+    """The eager learning step and the native loop of it come to the same weights."""
     runs = make_runs(small, LANES, lam=torch.linspace(0, 1, LANES))
     learner = make_learner(small, runs)
     expected = advance(learner, runs, 20)["weights"]

@@ -151,11 +151,16 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             "env.start_side=left",
-            "env.start_side=left: there is no env.start_side; env=follow_one_side has one",
+            "env.start_side=left: env=follow_ball has no start_side; "
+            "it belongs to env=follow_one_side",
         ),
         (
             "value.tilings=4",
-            "value.tilings=4: there is no value.tilings; value=tiles has one",
+            "value.tilings=4: value=fnnq has no tilings; it belongs to value=tiles",
+        ),
+        (
+            "value.widht=sigma",
+            "value.widht=sigma: there is no value.widht; did you mean value.width?",
         ),
         (
             "env.kind=maze",
@@ -225,6 +230,35 @@ def test_a_mistake_is_one_line(override, line):
     with pytest.raises(ConfigError) as refused:
         load_config(override)
     assert str(refused.value) == line
+
+
+def test_a_suggestion_is_a_key_of_the_chosen_value_function():
+    for value, line in (
+        ("fnnq", "there is no value.widhts; did you mean value.width?"),
+        ("mlp", "there is no value.widhts; did you mean value.widths?"),
+    ):
+        with pytest.raises(UnknownKey) as refused:
+            load_config(f"value={value}", "value.widhts=[3]")
+        assert str(refused.value) == f"value.widhts=[3]: {line}"
+
+
+def test_an_entry_of_a_list_has_the_lists_range():
+    with pytest.raises(ConfigError, match=r"^value\.widths\[0\]=a: must be a list of at least one"):
+        load_config("value=mlp", "value.widths=[a]")
+
+
+@pytest.mark.parametrize(
+    ("value", "alpha"),
+    [("fnnq", 0.4), ("rbf", 0.05), ("table", 0.05), ("tiles", 0.1), ("mlp", 0.2)],
+)
+def test_a_value_function_brings_its_step_size(value, alpha):
+    """The best of the sweep, as the experiment that follows it has it, unless alpha is set."""
+    assert load_config(f"value={value}").alpha == alpha
+    assert load_config(f"value={value}", "step_size=constant").alpha == alpha
+    assert load_config(f"value={value}", "step_size=obgd").alpha == 1
+    assert load_config("alpha=0.3", f"value={value}").alpha == 0.3
+    cases = OmegaConf.load(CONF / "experiment" / "extrapolation.yaml").hydra.sweeper.cases
+    assert {case.value: case.alpha for case in cases}[value] == alpha
 
 
 @pytest.mark.parametrize(

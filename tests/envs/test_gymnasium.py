@@ -1,5 +1,7 @@
 """The world behind Gymnasium's interface: by its own checker, and the same world as ever."""
 
+from functools import partial
+
 import gymnasium
 import numpy as np
 import pytest
@@ -67,16 +69,30 @@ def test_a_situation_is_found_again_by_its_seed_and_number(env):
     assert env.reset()[0] == wanted[2]
 
 
+def test_unseeded_worlds_differ_and_keep_their_seed(world):
+    one, other = (GymWorld(world, CANDIDATES) for _ in range(2))
+    first, second = ([env.reset()[0].item() for _ in range(3)] for env in (one, other))
+    assert len({*first, *second}) == 6
+    assert one.reset(options={"episode": 0})[0].item() == first[0]
+
+
+def test_a_vector_of_worlds_is_not_one_world_many_times(world):
+    worlds = gymnasium.vector.SyncVectorEnv([partial(GymWorld, world, CANDIDATES)] * 4)
+    assert len(np.unique(worlds.reset()[0])) == 4
+    assert len(np.unique(worlds.reset(seed=3)[0])) == 4
+
+
 def test_a_start_can_be_given(env, world):
     """For the paper's test, say; that of the next situation is random again."""
     seen, _ = env.reset(seed=1, options={"start": (0.8, 0.1), "episode": 2**32})
     number = torch.tensor([2**32])
-    twin = FollowBall(world).start(torch.tensor([1]), number, torch.tensor([0.8, 0.1]))
+    twin = FollowBall(world, seed=0).start(torch.tensor([1]), number, torch.tensor([0.8, 0.1]))
     assert seen.tolist() == twin["bearing"].tolist()
     assert abs(seen[0] - 0.8) < 0.06
     seen, _ = env.reset()
     assert (
-        seen.tolist() == FollowBall(world).start(torch.tensor([1]), number + 1)["bearing"].tolist()
+        seen.tolist()
+        == FollowBall(world, seed=0).start(torch.tensor([1]), number + 1)["bearing"].tolist()
     )
 
 

@@ -139,7 +139,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
             "machine.device=cuda:99: must be there: this machine has …",
         ),
         "train -m lam=0.1,1.5": (2, "job 1 (lam=1.5): lam=1.5: must be a number in [0, 1]"),
-        "train -m seed=range(0)": (2, "seed=range(0): there is no value in it"),
+        "train -m seed=range(0)": (2, "seed=range(0): must have at least one value to sweep"),
     },
     "NaN": {
         "train lam=nan": (2, "lam=nan: must be a number in [0, 1]"),

@@ -1,4 +1,4 @@
-"""Value networks: Q(s, a) for batches of runs, each with weights of its own."""
+"""Value networks: Q(s, a) for batches of runs, each with its own weights."""
 
 from torch import Tensor
 
@@ -37,13 +37,13 @@ def make_value_network(config: ValueConfig, candidates: Tensor, runs: int) -> Va
     """Make the value network that a configuration describes, for a batch of runs.
 
     Args:
-        config: of one of `NETWORKS`, or of a user's own, whose kind is ``module:Class``.
+        config: of one of `NETWORKS`, or of a user's own network, whose kind is ``module:Class``.
         candidates: the actions among which the best is sought, ``[candidates]``; the network has
             their dtype and device.
-        runs: how many learners it holds.
+        runs: the number of learners it holds.
 
     Raises:
-        ConfigError: the class of a user's own isn't a :class:`ValueNetwork`.
+        ConfigError: the user's own class isn't a :class:`ValueNetwork`.
     """
     network = class_of("value", config.kind, NETWORKS, ValueNetwork)
     return network.from_config(config, candidates, runs)

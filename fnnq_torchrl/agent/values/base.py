@@ -1,4 +1,4 @@
-"""What a value network offers to policy and loss."""
+"""The interface of value networks for policy and loss."""
 
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Self
@@ -13,7 +13,7 @@ class ValueNetwork(nn.Module, ABC):
     """Q(s, a) for a batch of runs: every parameter has the runs as its first dimension.
 
     Args:
-        in_keys: the observations that it sees, by their names in the TensorDict.
+        in_keys: the observations that it takes, by their names in the TensorDict.
         candidates: the actions among which the best is sought, ``[candidates]``.
     """
 
@@ -29,28 +29,28 @@ class ValueNetwork(nn.Module, ABC):
 
     @classmethod
     def from_config(cls, config: Any, candidates: Tensor, runs: int) -> Self:
-        """The network that a configuration describes, for those that ``conf/value/`` has.
+        """Make the network that a configuration describes.
 
         Args:
-            config: of its kind (its `schema`).
-            candidates: the actions among which the best is sought, ``[candidates]``; their dtype
-                and device are the network's.
-            runs: how many learners it holds.
+            config: an instance of its ``schema``.
+            candidates: the actions among which the best is sought, ``[candidates]``; the network
+                has their dtype and device.
+            runs: the number of learners it holds.
 
         Raises:
-            NotImplementedError: it has no configuration.
+            NotImplementedError: the class can't be made from a configuration.
         """
         raise NotImplementedError(f"{cls.__name__} is made in Python, not from a configuration")
 
     def start(self, seed: Tensor) -> dict[str, Tensor]:
-        """The weights of runs before they learn; by default those that the parameters have.
+        """Return the weights of runs before they learn, by default the parameters as they are.
 
         Args:
-            seed: of the runs, int64 ``[runs, 1]``, for what is random.
+            seed: the runs' seeds, int64 ``[runs, 1]``, for random weights.
 
         Returns:
-            By the parameters' names, each ``[runs, *weights]``. A network of a single run serves
-            for any number of them.
+            By the parameters' names, each ``[runs, *weights]``. The parameters of a network of a
+            single run are repeated for all.
         """
         return {
             name: weight.detach().expand(len(seed), *weight.shape[1:])
@@ -59,18 +59,18 @@ class ValueNetwork(nn.Module, ABC):
 
     @abstractmethod
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
-        """Q(s, a) of an action, or of every candidate.
+        """Return Q(s, a) of an action, or of every candidate.
 
         Args:
             *observations: in the order of ``in_keys``, each ``[runs, *batch, 1]``.
-            action: ``[runs, *batch, 1]``; all the candidates if not given.
+            action: ``[runs, *batch, 1]``; by default all candidates.
 
         Returns:
             ``[runs, *batch, 1]`` or ``[runs, *batch, candidates]``.
         """
 
     def values_in(self, state: TensorDictBase, action: Tensor | None = None) -> Tensor:
-        """Q in the state that a TensorDict describes; the rest as in :meth:`forward`.
+        """Return Q in a TensorDict's state; ``action`` and the result are as in :meth:`forward`.
 
         Raises:
             ValueError: the TensorDict has no dimension of runs.

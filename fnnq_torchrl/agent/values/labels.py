@@ -16,21 +16,20 @@ Labels = Sequence[tuple[float, float]]
 
 
 class LabelsValue(ValueNetwork):
-    """Q(s, a) = Σ w·Πⱼ φⱼ(sⱼ)·φ(a), over every label of every input with every action label.
+    """Q(s, a) = Σ w·Πⱼ φⱼ(sⱼ)·φ(a), over every combination of the inputs' and the action's labels.
 
-    A subclass says what φ is: how much of each Gaussian label a number has.
+    A subclass defines φ: how far a number belongs to each Gaussian label.
 
-    Every run has weights of its own, all zero at the start: ``weight`` is ``[runs, labels of input
-    1, …, action labels]``. Its memory has the runs last, because that is how the arithmetic wants
-    it.
+    Every run has its own weights, all zero at the start: ``weight`` is ``[runs, labels of input 1,
+    …, action labels]``. In memory the runs are last, as the equations want them.
 
     Args:
         inputs: for each observation, by its name in the TensorDict, its labels (centre, width).
         action: the action's labels (centre, width).
         candidates: the actions among which the best is sought, ``[candidates]``; their dtype and
             device are the network's.
-        width: whether a label's second number is a ``"sigma"`` or a ``"variance"``.
-        runs: how many learners this batch holds; a single one serves inputs of any batch size.
+        width: the meaning of a label's second number, ``"sigma"`` or ``"variance"``.
+        runs: the number of learners in the batch; a single one takes inputs of any batch size.
 
     Raises:
         ValueError: if ``width`` is neither.
@@ -59,7 +58,7 @@ class LabelsValue(ValueNetwork):
             # Every buffer has memory of its own: a compiled loop allows no aliases.
             self.register_buffer(f"centres_{i}", candidates.new_tensor(centres))
             self.register_buffer(f"inverse_widths_{i}", candidates.new_tensor(inverse_widths))
-        # The candidates never change, and so neither does what they have of each label.
+        # The candidates never change, so neither do their shares.
         shares = self._shares(len(inputs), candidates.unsqueeze(-1))
         self.register_buffer("candidate_shares", shares, persistent=False)
         weights = candidates.new_zeros([*map(len, dimensions), runs])
@@ -71,7 +70,7 @@ class LabelsValue(ValueNetwork):
 
     @abstractmethod
     def shares(self, x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-        """What a number has of each label; arguments and result as :func:`log_membership`'s."""
+        """Return a number's share of each label; arguments and result as `log_membership`'s."""
 
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
         shares = [self._shares(i, runs_last(x.squeeze(-1))) for i, x in enumerate(observations)]

@@ -26,25 +26,25 @@ _NORM_EPSILON = 1e-5  # as torch's LayerNorm has it
 class MLPValue(ValueNetwork):
     """A multilayer perceptron from the observations and the action to Q.
 
-    Every run has weights and biases of its own, ``weight_i`` ``[runs, outputs, inputs]`` and
-    ``bias_i`` ``[runs, outputs]``. At the start the biases are 0, and of every unit's n incoming
-    weights some are 0 and the others U(−1/√n, 1/√n), drawn from the run's seed.
+    Every run has its own weights and biases, ``weight_i`` ``[runs, outputs, inputs]`` and
+    ``bias_i`` ``[runs, outputs]``. At the start the biases are 0. Of the n incoming weights of a
+    unit some are 0 and the others U(−1/√n, 1/√n), drawn from the run's seed.
 
-    Source: the sparse initialisation, and layer normalisation before the activation and without
-    parameters of its own, are those of M. Elsayed, G. Vasan, A. R. Mahmood, "Streaming deep
-    reinforcement learning finally works", 2024.
+    Source: sparse initialisation, and layer normalisation before the activation and without
+    parameters, are those of M. Elsayed, G. Vasan, A. R. Mahmood, "Streaming deep reinforcement
+    learning finally works", 2024.
 
     Args:
-        in_keys: the observations that it sees, by their names in the TensorDict.
+        in_keys: the observations that it takes, by their names in the TensorDict.
         candidates: the actions among which the best is sought, ``[candidates]``; their dtype and
             device are the network's.
         widths: units of each hidden layer.
         activation: ``tanh``, ``relu`` or ``leaky_relu``.
         layer_norm: whether hidden layers are normalised before the activation.
         sparsity: the share of every unit's incoming weights that are 0 at the start, in [0, 1];
-            rounded up, but one always stays.
-        runs: how many learners this batch holds; a single one serves inputs of any batch size.
-            Their parameters start as those of the seeds 0, 1, ….
+            their number is rounded up, but one weight always remains.
+        runs: the number of learners in the batch; a single one takes inputs of any batch size.
+            Their parameters are those of the seeds 0, 1, ….
 
     Raises:
         ValueError: there is no such activation.
@@ -112,14 +112,14 @@ class MLPValue(ValueNetwork):
 
 
 def _uniforms(seed: Tensor, layer: int, count: int, dtype: torch.dtype) -> tuple[Tensor, Tensor]:
-    """Two U[0, 1) for each of so many weights: ``[runs, count]``."""
-    # At the start of an episode only step 0 has been drawn for: the others are free.
+    """Return two U[0, 1) numbers for each of ``count`` weights, ``[runs, count]`` each."""
+    # The stream START is otherwise used at step 0 only, so the other steps are free.
     step = 1 + torch.arange(count, device=seed.device).expand(len(seed), -1)
     words = streams.draw(seed.expand_as(step), torch.full_like(step, layer), step, Stream.START)
     return streams.uniform(words[0], dtype), streams.uniform(words[1], dtype)
 
 
 def _normalised(hidden: Tensor) -> Tensor:
-    """Of mean 0 and variance 1 over the last dimension."""
+    """Return the tensor with mean 0 and variance 1 over the last dimension."""
     centred = hidden - hidden.mean(-1, keepdim=True)
     return centred * (centred.square().mean(-1, keepdim=True) + _NORM_EPSILON).rsqrt()

@@ -1,4 +1,4 @@
-"""Q(s, a) as a look-up table (paper, section 2: what the fuzzy network stands in for)."""
+"""Q(s, a) as a look-up table, which the fuzzy network replaces (paper, section 2)."""
 
 from torch import Tensor
 

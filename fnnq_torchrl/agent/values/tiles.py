@@ -18,12 +18,12 @@ Span = Sequence[float]
 class TilesValue(ValueNetwork):
     """Tile coding: Q(s, a) is the sum, over the tilings, of the weight of the tile at (s, a).
 
-    A tiling is a grid over all inputs and the action. It has one tile more along each of them than
-    its range is wide, since the tilings are offset by parts of a tile: tiling t by t·(1, 3, 5, …)
-    parts of ``tilings``, modulo a tile. Beyond its range, a number has the tile at the edge.
+    A tiling is a grid over all inputs and the action. Tiling t is offset by t·(1, 3, 5, …)/tilings
+    of a tile along input 1, 2, 3, …, modulo a tile. Because of the offsets a grid has one tile more
+    along each dimension than fit into the range. A number beyond the range has the edge's tile.
 
-    Every run has weights of its own, all zero at the start: ``weight`` is ``[runs, tiles of input
-    1, …, action tiles, tilings]``, with the runs last in memory.
+    Every run has its own weights, all zero at the start: ``weight`` is ``[runs, tiles of input 1,
+    …, action tiles, tilings]``, with the runs last in memory.
 
     Source: R. S. Sutton, A. G. Barto, "Reinforcement learning", 2nd edition, 2018, section 9.5.4;
     the offsets are those of W. T. Miller and F. H. Glanz, 1996.
@@ -33,9 +33,9 @@ class TilesValue(ValueNetwork):
         action: the action's range (low, high).
         candidates: the actions among which the best is sought, ``[candidates]``; their dtype and
             device are the network's.
-        tilings: how many there are.
-        tiles: how many of a tiling a range is wide.
-        runs: how many learners this batch holds; a single one serves inputs of any batch size.
+        tilings: the number of grids.
+        tiles: the number of tiles that fit into each range.
+        runs: the number of learners in the batch; a single one takes inputs of any batch size.
     """
 
     schema = TilesConfig
@@ -60,7 +60,7 @@ class TilesValue(ValueNetwork):
             offset = torch.arange(tilings) * (2 * i + 1) % tilings / tilings
             self.register_buffer(f"offset_{i}", offset.to(candidates).unsqueeze(-1))
         self.register_buffer("numbers", torch.arange(tiles + 1).to(candidates))
-        # The candidates never change, and so neither do their tiles.
+        # The candidates never change, so neither do their tiles.
         at = self._tiles_at(len(inputs), candidates.unsqueeze(-1))
         self.register_buffer("candidate_tiles", at, persistent=False)
         weights = candidates.new_zeros([*[tiles + 1] * len(self._spans), tilings, runs])
@@ -89,19 +89,19 @@ class TilesValue(ValueNetwork):
         return of_each_tiling.sum(-2).movedim((0, -1), (-1, 0))
 
     def _tiles_at(self, i: int, x: Tensor) -> Tensor:
-        """Where along dimension i numbers lie.
+        """Return the tiles that numbers fall into along a dimension.
 
         Args:
-            i: of the input, or one more for the action.
+            i: the number of the input; the action follows the last.
             x: ``[..., runs]``.
 
         Returns:
-            1 for the tile of each tiling that has the number, else 0: ``[tiles + 1, ..., tilings,
-            runs]``.
+            1 for the tile that contains the number, in each tiling, else 0:
+            ``[tiles + 1, ..., tilings, runs]``.
         """
         (low, high), offset = self._spans[i], getattr(self, f"offset_{i}")
         place = (x.unsqueeze(-2) - low) * (self._tiles / (high - low)) + offset
-        # At the upper end, the last tile that the range reaches into, not the next one.
+        # The upper end of the range belongs to the last tile that the range reaches into.
         last = (self._tiles + offset).ceil() - 1
         tile = torch.minimum(place.floor().clamp(min=0), last)
         return (self.numbers.view(-1, *[1] * tile.ndim) == tile).to(x.dtype)

@@ -100,7 +100,7 @@ def shares_beyond(learner: Learner, edges_rad: Sequence[float], whole_view: bool
     situations = learner.snapshots.situations
     pages = (situations < world.switch_side_after).nonzero().flatten()[::_EVERY]
     lanes = len(pages) * learner.runs
-    env = make_world(world, [lanes], dtype=learner.network.candidates.dtype)
+    env = make_world(world, [lanes], seed=0, dtype=learner.network.candidates.dtype)
     weights = {name: w[pages].flatten(0, 1) for name, w in learner.snapshots.weights.items()}
     config = learner.config
     exploring: float = getattr(config, EXPLORATIONS[config.exploration])

@@ -109,18 +109,18 @@ def test_how_a_step_can_end(world):
     """The first ball is caught, at the last moment; the second is missed; the third runs on."""
     near = replace(world, circle_radius_m=0.22, time_limit_steps=1)
     ahead_and_behind = torch.tensor([[0, 0], [math.pi, 0]])
-    after = steer(FollowBall(near, [2], situations=ahead_and_behind), 0, 0)
+    after = steer(FollowBall(near, [2], situations=ahead_and_behind, seed=0), 0, 0)
     assert after["reward"].tolist() == [[1], [-0.5]]
     assert after["terminated"].tolist() == after["done"].tolist() == [[True], [True]]
     assert after["success"].tolist() == [[True], [False]]
     assert not after["truncated"].any()
-    after = steer(FollowBall(world), 0)
+    after = steer(FollowBall(world, seed=0), 0)
     assert [after[key].item() for key in ("reward", "success", "terminated", "done")] == [0] * 4
 
 
 def test_a_situation_starts_at_the_origin_with_the_balls_own_start(world):
     situations = torch.tensor([[0.8, 0.1], [-0.8, -0.1]])
-    start = FollowBall(world, [2], situations=situations).reset()
+    start = FollowBall(world, [2], situations=situations, seed=0).reset()
     assert torch.cat([start["x_m"], start["y_m"], start["heading_rad"]]).eq(0).all()
     assert torch.cat([start["ball_angle_rad"], start["ball_speed_radps"]], -1).equal(situations)
     assert start["step"].eq(0).all()
@@ -150,7 +150,9 @@ def test_situations_on_one_side_are_those_on_both_mirrored(
     )
     seed, episode = torch.arange(3).repeat(6), torch.arange(6).repeat_interleave(3)
     drawn, start = (
-        make_world(each, [18], dtype=torch.float64).start(seed.unsqueeze(-1), episode.unsqueeze(-1))
+        make_world(each, [18], dtype=torch.float64, seed=0).start(
+            seed.unsqueeze(-1), episode.unsqueeze(-1)
+        )
         for each in (on_one.tested, on_one)
     )
     sign = torch.full((18, 1), float(SIDES[side]))
@@ -165,7 +167,7 @@ def test_situations_on_one_side_are_those_on_both_mirrored(
 def test_in_the_test_nothing_is_mirrored_or_hidden(world, one_side, wander):
     on_one = replace(one_side, **ON_ONE_SIDE)
     assert on_one.tested == world
-    whole, hidden = (play(make_world(each, [64]), wander, 60) for each in (world, on_one))
+    whole, hidden = (play(make_world(each, [64], seed=0), wander, 60) for each in (world, on_one))
     assert whole["bearing"].min() == -1
     first = hidden["episode"] < 1
     assert hidden["bearing"][first].max() == torch.tensor(0.2)
@@ -175,7 +177,7 @@ def test_in_the_test_nothing_is_mirrored_or_hidden(world, one_side, wander):
 @pytest.mark.parametrize("situations", [(0.4, -0.15), [(0.4, -0.15)], [[(0.4, -0.15)] * 3] * 2])
 def test_fixed_situations_broadcast_and_come_back_every_episode(situations, world):
     given = torch.tensor(situations)
-    env = FollowBall(world, (2, 3), situations=given)
+    env = FollowBall(world, (2, 3), situations=given, seed=0)
     for _ in range(3):
         start = env.reset()
         assert start["ball_angle_rad"].eq(torch.tensor(0.4)).all()
@@ -187,7 +189,7 @@ def test_fixed_situations_broadcast_and_come_back_every_episode(situations, worl
 def test_the_noise_is_new_at_every_step_and_as_large_as_said(world):
     """Two robots at the same place differ by their noise alone."""
     situations = torch.tensor([0.1, 0.0], dtype=torch.float64)
-    env = FollowBall(world, [4096], situations=situations, dtype=torch.float64)
+    env = FollowBall(world, [4096], situations=situations, dtype=torch.float64, seed=0)
     start = env.reset()
     after = env.step(start.set("action", torch.zeros_like(start["bearing"])))["next"]
     for seen in (start["bearing"], after["bearing"]):
@@ -201,7 +203,7 @@ def test_the_noise_is_new_at_every_step_and_as_large_as_said(world):
 
 def test_no_situation_ends_in_fewer_steps(world):
     """Not even for a robot that sees without noise and always drives straight at the ball."""
-    env = FollowBall(replace(world, bearing_noise_rad=0.0), [4096])
+    env = FollowBall(replace(world, bearing_noise_rad=0.0), [4096], seed=0)
     state = env.reset()
     for _ in range(env.world.fewest_steps - 1):
         action = (-5 * state["bearing"]).clamp(-1, 1)
@@ -229,7 +231,7 @@ def test_the_fewest_steps_are_almost_reached(radius_m, catch_m, stride_m, fewest
         speed_mps=stride_m,
         time_step_s=1.0,
     )
-    env = FollowBall(ahead, situations=torch.zeros(2), dtype=torch.float64)
+    env = FollowBall(ahead, situations=torch.zeros(2), dtype=torch.float64, seed=0)
     assert env.world.fewest_steps == fewest
     steps = len(env.rollout(ahead.time_limit_steps, straight))
     assert fewest <= steps <= fewest + 1
@@ -242,7 +244,7 @@ def test_the_fewest_steps_are_almost_reached(radius_m, catch_m, stride_m, fewest
 @pytest.mark.parametrize("dtype", DTYPES, ids=str)
 @pytest.mark.parametrize("batch_size", BATCH_SIZES, ids=str)
 def test_specs(batch_size, dtype, device, world):
-    env = FollowBall(world, batch_size, dtype=dtype, device=device)
+    env = FollowBall(world, batch_size, dtype=dtype, device=device, seed=0)
     check_env_specs(env, break_when_any_done="both")
     state = env.reset()
     assert state.device == env.device
@@ -251,7 +253,7 @@ def test_specs(batch_size, dtype, device, world):
 
 @pytest.mark.parametrize("batch_size", BATCH_SIZES, ids=str)
 def test_all_that_it_ever_gives_lies_in_its_specs(batch_size, world, follow):
-    env = FollowBall(world, batch_size)
+    env = FollowBall(world, batch_size, seed=0)
     history = play(env, follow, 150)
     assert history.shape == (*batch_size, 150)
     for state in history.unbind(-1):
@@ -265,7 +267,7 @@ def test_all_that_it_ever_gives_lies_in_its_specs(batch_size, world, follow):
 
 @pytest.mark.parametrize("batch_size", BATCH_SIZES, ids=str)
 def test_a_step_leaves_its_input_alone(batch_size, world):
-    env = FollowBall(world, batch_size)
+    env = FollowBall(world, batch_size, seed=0)
     state = env.rand_action(env.reset())
     before = state.clone()
     after = env.step(state)
@@ -275,7 +277,7 @@ def test_a_step_leaves_its_input_alone(batch_size, world):
 @pytest.mark.parametrize("batch_size", BATCH_SIZES, ids=str)
 def test_counting_transforms(batch_size, world, follow):
     transforms = Compose(InitTracker(), StepCounter(), RewardSum())
-    env = TransformedEnv(FollowBall(world, batch_size), transforms)
+    env = TransformedEnv(FollowBall(world, batch_size, seed=0), transforms)
     check_env_specs(env)
     history = play(env, follow, 150)
     assert history["step_count"].equal(history["step"])
@@ -289,18 +291,18 @@ def test_double_to_float(world, follow):
     """A policy in float32 on a world in float64."""
 
     def env():
-        return TransformedEnv(FollowBall(world, [3], dtype=torch.float64), DoubleToFloat())
+        return TransformedEnv(FollowBall(world, [3], dtype=torch.float64, seed=0), DoubleToFloat())
 
     check_env_specs(env())
     history = play(env(), follow, 5)
     assert {history[key].dtype for key in (*SEEN, "action", ("next", "reward"))} == {torch.float32}
-    exact = play(FollowBall(world, [3], dtype=torch.float64), follow, 5)
+    exact = play(FollowBall(world, [3], dtype=torch.float64, seed=0), follow, 5)
     torch.testing.assert_close(history["bearing"].double(), exact["bearing"], atol=1e-6, rtol=0)
 
 
 def test_a_time_limit_by_transform_is_a_truncation(world, wander):
     """Unlike the world's own, which is an end of the task."""
-    env = TransformedEnv(FollowBall(world, [3]), StepCounter(max_steps=10))
+    env = TransformedEnv(FollowBall(world, [3], seed=0), StepCounter(max_steps=10))
     history = play(env, wander, 10)["next"]
     assert history["truncated"][:, -1].all()
     assert history["done"][:, -1].all()
@@ -336,14 +338,14 @@ def test_a_collector_collects_what_a_rollout_shows(world, follow):
 def test_a_collector_takes_the_env_alone(world):
     from torchrl.collectors import Collector
 
-    collector = Collector(FollowBall(world), frames_per_batch=50, total_frames=100)
+    collector = Collector(FollowBall(world, seed=0), frames_per_batch=50, total_frames=100)
     assert [batch.shape for batch in collector] == [(50,), (50,)]
     collector.shutdown()
 
 
 def test_step_and_restart_trace_whole(world, follow):
     """Without a branch on data: that is what a compiled loop needs."""
-    env = FollowBall(world, [LANES])
+    env = FollowBall(world, [LANES], seed=0)
     go_on = torch.compile(
         lambda state: env.restart(env.step(state)["next"]), fullgraph=True, backend="aot_eager"
     )
@@ -387,14 +389,14 @@ def test_a_run_alone_equals_the_same_run_in_any_batch(dtype, world, follow):
 
 @pytest.mark.parametrize("shape", [(2, 32), (32, 2), (4, 4, 4)])
 def test_a_run_doesnt_depend_on_the_batchs_shape(shape, world, follow):
-    flat = play(FollowBall(world, [64]), follow, 100)
-    history = play(FollowBall(world, shape), follow, 100)
+    flat = play(FollowBall(world, [64], seed=0), follow, 100)
+    history = play(FollowBall(world, shape, seed=0), follow, 100)
     assert (history.flatten(0, len(shape) - 1) == flat).all()
 
 
 def test_situations_start_the_same_whatever_happened_before(world, follow, wander):
     """The n-th of a seed, after better or worse luck, by reset, restart or at once."""
-    env = FollowBall(world, [LANES])
+    env = FollowBall(world, [LANES], seed=0)
     starts: dict[tuple[int, int], TensorDictBase] = {}
     for policy in (follow, wander):
         env.set_seed(0)
@@ -409,7 +411,7 @@ def test_situations_start_the_same_whatever_happened_before(world, follow, wande
 
 
 def test_every_situation_is_another_one(world):
-    env = FollowBall(world, [100])
+    env = FollowBall(world, [100], seed=0)
     angle_rad = torch.cat([env.reset()["ball_angle_rad"] for _ in range(5)])
     assert len(angle_rad.unique()) == 500
 
@@ -431,8 +433,22 @@ def test_no_global_random_numbers(world, follow):
         assert (history() == one).all()
 
 
+def test_unseeded_worlds_differ_and_a_seeded_torch_repeats_them(world):
+    def seeds() -> list[int]:
+        stack = SerialEnv(3, partial(FollowBall, world, [2]))
+        drawn: list[int] = stack.reset()["seed"].flatten().tolist()
+        return drawn
+
+    with torch.random.fork_rng():
+        torch.manual_seed(1)
+        first, second = seeds(), seeds()
+        assert len({*first, *second}) == 12
+        torch.manual_seed(1)
+        assert seeds() == first
+
+
 def test_both_precisions_draw_the_same_world(world):
-    single, double = (FollowBall(world, [64], dtype=dtype).reset() for dtype in DTYPES)
+    single, double = (FollowBall(world, [64], dtype=dtype, seed=0).reset() for dtype in DTYPES)
     assert single["chance"].double().equal(double["chance"])
     for key in ("ball_angle_rad", "ball_speed_radps", "bearing"):
         torch.testing.assert_close(single[key].double(), double[key], rtol=1e-6, atol=1e-6)
@@ -441,7 +457,7 @@ def test_both_precisions_draw_the_same_world(world):
 @gpu
 def test_a_gpu_shows_the_same_world(world, follow):
     cpu, cuda = (
-        play(FollowBall(world, [LANES], dtype=torch.float64, device=device), follow, 100)
+        play(FollowBall(world, [LANES], dtype=torch.float64, device=device, seed=0), follow, 100)
         for device in ("cpu", "cuda")
     )
     for key in (*STATE, *SEEN, *WHEN):
