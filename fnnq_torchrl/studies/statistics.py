@@ -38,8 +38,8 @@ def bootstrap_interval(
 ) -> Interval:
     """A statistic of one or more samples with its bootstrap interval (`scipy.stats.bootstrap`).
 
-    Up to 1,000 runs the interval is BCa (B. Efron, "Better bootstrap confidence intervals", JASA 82,
-    1987). Beyond that, and where BCa is not defined because leaving out any single run changes
+    Up to 1,000 runs the interval is BCa (B. Efron, "Better bootstrap confidence intervals", JASA
+    82, 1987). Beyond that, and where BCa is not defined because leaving out any single run changes
     nothing, it is the plain percentiles of the draws. The bounds of a mean lie between the smallest
     sample and the largest, so the interval of a bounded score stays within the score's bounds.
 
@@ -158,7 +158,7 @@ def paired_difference(
 
 
 class Chosen(NamedTuple):
-    """The index of the best of several choices, and its scores in the runs that didn't choose it."""
+    """The index of the best choice, and its scores in the runs that had no say in choosing it."""
 
     choice: int
     judged: NDArray[np.float64]

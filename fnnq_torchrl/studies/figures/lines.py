@@ -82,15 +82,13 @@ def means(experiment: Experiment, x: str, lines: str, measure: str) -> NDArray[n
     Raises:
         NoResults: a combination of the two keys is missing.
     """
-    of, values = MEASURES[measure].of, sorted(experiment.values(x))
-    intervals = [
-        [
-            bootstrap_interval(
-                np.mean, of(experiment.job_with({x: value, lines: line}).evaluations)
-            )
-            for value in values
-        ]
+    jobs = [
+        [experiment.job_with({x: value, lines: line}) for value in sorted(experiment.values(x))]
         for line in experiment.values(lines)
+    ]
+    of = MEASURES[measure].of
+    intervals = [
+        [bootstrap_interval(np.mean, of(job.evaluations)) for job in along] for along in jobs
     ]
     return np.moveaxis(np.array(intervals), -1, 0)
 
@@ -125,9 +123,7 @@ def draw_lines(
         # Up to the last point that is shown, where the line's label goes; a gap before stays open.
         upto = np.flatnonzero(inside)[-1] + 1
         line = np.where(inside, mean, np.nan)[:upto]
-        axes.plot(
-            places[:upto], line, color=colour, linestyle=style, linewidth=1.4, marker="o", ms=3.5
-        )
+        axes.plot(places[:upto], line, style, color=colour, linewidth=1.4, marker="o", ms=3.5)
         axes.fill_between(
             places, low, high, where=inside.tolist(), color=colour, alpha=0.3, linewidth=0
         )

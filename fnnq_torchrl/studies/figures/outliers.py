@@ -1,9 +1,10 @@
-"""Axis limits that a few outlying values don't squeeze, and the marks that stand for those values."""
+"""Axis limits that a few outliers don't squeeze, and the marks that stand for the outliers."""
 
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.transforms import Transform
 from numpy.typing import ArrayLike
 
 FEW = 0.2
@@ -12,9 +13,10 @@ FEW = 0.2
 FAR = 2.5
 """The outliers' distance from the other values, at least, in units of those values' range."""
 
-_MARGIN = 0.06
+_MARGIN, _ROOM = 0.06, 0.16
+"""Margins of an axis, in its length; the latter where marks need room."""
 
-CUT_OFF = "arrow: beyond the axis, with its mean"
+CUT_OFF = "arrowhead: a mean beyond the axis, in figures"
 """The words for a caption where `mark_below` or `mark_left` was used."""
 
 
@@ -37,11 +39,13 @@ def limits(values: ArrayLike, lows: ArrayLike, highs: ArrayLike) -> Limits:
     """
     value, low, high = (np.ravel(np.asarray(each, np.float64)) for each in (values, lows, highs))
     order = np.argsort(value)
-    kept = order[_outliers(value[order]) :]
+    outliers = _outliers(value[order])
+    kept = order[outliers:]
     bottom = np.nanmin([value[kept], low[kept]])
     top = np.nanmax([value[kept], high[kept]])
-    margin = _MARGIN * (top - bottom) or 1.0
-    return Limits(float(bottom - margin), float(top + margin))
+    span = top - bottom or 1.0
+    room = _ROOM if outliers else _MARGIN
+    return Limits(float(bottom - room * span), float(top + _MARGIN * span))
 
 
 def _outliers(rising: np.ndarray) -> int:
@@ -55,29 +59,32 @@ def _outliers(rising: np.ndarray) -> int:
 
 
 def mark_below(axes: Axes, place: float, value: float, colour: str) -> None:
-    """Mark a value below the axis at its place, with an arrow and the value in figures."""
-    axes.annotate(
-        f"{value:.2f}",
-        xy=(place, 0),
-        xytext=(place, 0.09),
-        xycoords=axes.get_xaxis_transform(),
-        textcoords=axes.get_xaxis_transform(),
-        arrowprops={"arrowstyle": "-|>", "color": colour},
-        horizontalalignment="center",
-        fontsize=8,
-        color=colour,
-    )
+    """Mark a value below the axis at its place: an arrowhead and the value in figures."""
+    _mark(axes, axes.get_xaxis_transform(), (place, 0.03), "v", (-7, 0), value, colour)
 
 
 def mark_left(axes: Axes, place: float, value: float, colour: str) -> None:
-    """Mark a value to the left of the axis in its row, with an arrow and the value in figures."""
+    """Mark a value to the left of the axis in its row: an arrowhead and the value in figures."""
+    _mark(axes, axes.get_yaxis_transform(), (0.015, place), "<", (7, 0), value, colour)
+
+
+def _mark(
+    axes: Axes,
+    transform: Transform,
+    at: tuple[float, float],
+    marker: str,
+    beside_pt: tuple[float, float],
+    value: float,
+    colour: str,
+) -> None:
+    axes.scatter(*at, marker=marker, s=22, color=colour, transform=transform)
     axes.annotate(
         f"{value:.2f}",
-        xy=(0, place),
-        xytext=(0.06, place),
-        xycoords=axes.get_yaxis_transform(),
-        textcoords=axes.get_yaxis_transform(),
-        arrowprops={"arrowstyle": "-|>", "color": colour},
+        at,
+        beside_pt,
+        xycoords=transform,
+        textcoords="offset points",
+        horizontalalignment="left" if beside_pt[0] > 0 else "right",
         verticalalignment="center",
         fontsize=8,
         color=colour,

@@ -39,16 +39,15 @@ def readings_figure(experiment: Experiment, measure: str = "mean_score") -> Figu
     norm = norms(experiment)
     low, median = np.quantile(norm, [0.05, 0.5])
     figure = new_figure(
-        13,
-        8,
+        11,
+        7.6,
         f"{' and '.join(words)}: ‖f‖², the effective step size, and the score",
-        f"below left: at the median of ‖f‖², {median:.2f} (solid), and at its 5 % quantile, "
-        f"{low:.2f} (dashed)\n"
-        f"below right: mean over {over}, band: its {INTERVAL}{cut_off}",
+        f"above: at the median of ‖f‖², {median:.2f} (solid), and at its 5 % quantile, {low:.2f} "
+        f"(dashed)\nbelow: mean over {over}, band: its {INTERVAL}{cut_off}",
     )
     grid = figure.add_gridspec(2, 2)
-    _draw_norm(figure, figure.add_subplot(grid[0, :]), experiment, norm)
-    steps, scores = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
+    steps, scores = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[1, 1])
+    _draw_norm(figure, figure.add_subplot(grid[:, 0]), experiment, norm)
     _draw_steps(steps, experiment, low, median)
     draw_lines(scores, experiment, "lam", measure, found, shown)
     figure.draw_without_rendering()
@@ -82,7 +81,7 @@ def _draw_norm(figure: Figure, axes: Axes, experiment: Experiment, norm: np.ndar
     )
     axes.set_xlabel("bearing Δθ (rad)")
     axes.set_ylabel("action Δv")
-    figure.colorbar(image, ax=axes, label="‖f‖² (1 in a table)")
+    figure.colorbar(image, ax=axes, location="bottom", label="‖f‖² (1 in a table)")
 
 
 def _draw_steps(axes: Axes, experiment: Experiment, low: float, median: float) -> None:
