@@ -113,14 +113,14 @@ def draw_lines(
     """
     values = sorted(experiment.values(x))
     steps = np.diff(values)
-    # Unevenly spaced values would crowd somewhere: they have even places, and their ticks say so.
+    # Unevenly spaced values would crowd, so they are drawn at even distances; the ticks name them.
     even = np.allclose(steps, steps[0]) if len(values) > 1 else True
     places = np.array(values) if even else np.arange(len(values))
     for (mean, low, high), (colour, style) in zip(
         np.moveaxis(found, 1, 0), cycle(LINES), strict=False
     ):
         inside = mean >= shown.low
-        # Up to the last point that is shown, where the line's label goes; a gap before stays open.
+        # The line ends at its last point inside the axis, because its label stands at its end.
         upto = np.flatnonzero(inside)[-1] + 1
         line = np.where(inside, mean, np.nan)[:upto]
         axes.plot(places[:upto], line, style, color=colour, linewidth=1.4, marker="o", ms=3.5)
