@@ -85,8 +85,8 @@ def write_page(adaptive: Experiment, stability: Experiment) -> str:
         for each in stability.values(LAYER_NORM)
     }
     in_short = [
-        *(f"With {setting_words('lam', each)}: {_in_short(by_lam[each])}" for each in by_lam),
-        *(f"For {_perceptron(each)}: {_in_short(by_norm[each])}" for each in by_norm),
+        *(f"With {setting_words('lam', each)}, {_in_short(by_lam[each])}" for each in by_lam),
+        *(f"For {_perceptron(each)}, {_in_short(by_norm[each])}" for each in by_norm),
     ]
     return _PAGE.format(
         lowest=alphas[0],
@@ -161,13 +161,23 @@ class _Compared:
 def _in_short(compared: _Compared) -> str:
     """Return the conclusions on all step sizes, without their figures."""
     at_best, over_alphas = (
-        ", ".join(f"{value_words(name)} {_more_or_less(each)}" for name, each in found.items())
+        _grouped({name: _more_or_less(each) for name, each in found.items()})
         for found in (compared.at_best, compared.over_alphas)
     )
     return (
-        f"against {value_words(compared.reference)}, each at its best α, the score is: {at_best}. "
-        f"Over all α it is: {over_alphas}."
+        f"compared with {value_words(compared.reference)}, each at its best α, {at_best}. "
+        f"Over all α, {over_alphas}."
     )
+
+
+def _grouped(told: Mapping[str, str]) -> str:
+    """Return the scores of step sizes in words, those with the same words together."""
+    parts = []
+    for words in dict.fromkeys(told.values()):
+        *others, last = [value_words(name) for name in told if told[name] == words]
+        names = f"{', '.join(others)} and {last} score" if others else f"{last} scores"
+        parts.append(f"{names} {words}")
+    return "; ".join(parts)
 
 
 def _perceptron(normalised: bool) -> str:

@@ -48,14 +48,14 @@ def dots_figure(
     cut_off = bool((mean < shown.low).any())
     figure = new_figure(
         7.5,
-        1.6 + 0.3 * len(rows),
+        1.6 + 0.36 * len(rows),
         f"{name.partition(' (')[0].capitalize()} of {len(experiment.jobs)} configurations, "
         f"{over} each",
         f"dot: mean over {over}; line: its {INTERVAL}; tick: interquartile mean"
         + (f"\n{CUT_OFF}" if cut_off else ""),
     )
     axes = figure.add_subplot()
-    offsets = np.linspace(-0.17, 0.17, len(hues)) if len(hues) > 1 else [0.0]
+    offsets = np.linspace(-0.2, 0.2, len(hues)) if len(hues) > 1 else [0.0]
     first_row = [job for job in experiment.jobs if words(experiment, job, colours) == rows[0]]
     for job, interval, middle in zip(experiment.jobs, found, middles, strict=True):
         hue = hues.index(job.settings[colours]) if colours else 0

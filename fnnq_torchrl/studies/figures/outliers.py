@@ -86,6 +86,6 @@ def _mark(
         textcoords="offset points",
         horizontalalignment="left" if beside_pt[0] > 0 else "right",
         verticalalignment="center",
-        fontsize=8,
+        fontsize=7,
         color=colour,
     )
