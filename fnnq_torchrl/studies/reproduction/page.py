@@ -280,7 +280,9 @@ def _claim(pool: Pool, judged: _Judged) -> str:
     """Return a claim's section."""
     claim = judged.claim
     samples, shares = verdict_shares(pool, claim, PAPER_RUNS)
-    parts = "; ".join(f"{each.value}: {share:.0%}" for each, share in shares.items() if share)
+    parts = "; ".join(
+        f"{each.value}: {share:.0%}" for each, share in shares.items() if share >= 0.005
+    )
     head = ["", "seeds", "first", "second", "difference", "d", "P", "n", "verdict"]
     rows = [
         _row(comparison, each)
