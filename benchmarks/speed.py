@@ -20,7 +20,6 @@ from ours import Learned, Learner
 from page import write_page
 from tables import NOT_MEASURED, in_bytes, median_of, ratio, short, spread, table
 from yardsticks import (
-    FOLDER,
     JAX_PYTHON,
     Reading,
     build_c_limit,
@@ -47,12 +46,12 @@ class Size:
     fresh: Learned | None = None  # in a new process that finds the program in the cache
 
 
-def measure_sizes(sizes: list[Size], repetitions: int, folder: Path, jax: Path) -> None:
+def measure_sizes(sizes: list[Size], repetitions: int, jax: Path) -> None:
     with tempfile.TemporaryDirectory() as directory, ExitStack() as processes:
-        c_limit = build_c_limit(folder, Path(directory))
+        c_limit = build_c_limit(Path(directory))
         learners = [processes.enter_context(Learner(size.runs, size.situations)) for size in sizes]
         for repetition in range(repetitions):
-            readings = measure_jax(folder, jax)
+            readings = measure_jax(jax)
             for size, learner in zip(sizes, learners, strict=True):
                 if c_limit is not None:
                     size.c.append(measure_c_limit(c_limit, size.runs))
@@ -157,7 +156,6 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--command-runs", type=int, default=10_000, help="0: not the command")
     parser.add_argument("--large", action="store_true", help=f"{LARGE:,} runs too: minutes more")
-    parser.add_argument("--yardsticks", type=Path, default=FOLDER, help="where their sources are")
     parser.add_argument("--jax", type=Path, default=JAX_PYTHON, help="a Python that has JAX")
     parser.add_argument("--write", type=Path, help="the page to write; what is by hand in it stays")
     return parser.parse_args()
@@ -167,7 +165,7 @@ def main() -> None:
     given = arguments()
     # Fewer for the most runs, to keep the benchmark short.
     sizes = [Size(runs, given.situations or (50 if runs > 20_000 else 200)) for runs in given.runs]
-    measure_sizes(sizes, given.repetitions, given.yardsticks, given.jax)
+    measure_sizes(sizes, given.repetitions, given.jax)
     sections = {
         "machine": describe_machine(),
         "gpu": "It has no GPU, so there are no figures on one: they are still to be measured.",
