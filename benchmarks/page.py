@@ -1,4 +1,4 @@
-"""docs/performance.md: figures in a template, and one section that is written by hand."""
+"""Writes docs/performance.md: a template with figures, and one section written by hand."""
 
 import re
 from collections.abc import Mapping
@@ -74,7 +74,7 @@ _PLACEHOLDER = f"{_BEGIN}\n\nTo be written.\n\n{_END}"
 
 
 def write_page(path: Path, sections: Mapping[str, str]) -> None:
-    """Write the page anew, with what is by hand in it as it was."""
+    """Write the page; keep the section that is written by hand."""
     kept = _BY_HAND.search(path.read_text(encoding="utf-8")) if path.exists() else None
     by_hand = kept[0] if kept else _PLACEHOLDER
     path.write_text(_TEMPLATE.substitute(sections, by_hand=by_hand), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""TorchRL's and Stable-Baselines3's DQN beside Q(λ): docs/peers.md and its figure.
+"""Measures TorchRL's and Stable-Baselines3's DQN beside Q(λ); writes docs/peers.md and its figure.
 
 python -m benchmarks.peers [--seeds 6] [--redraw]
 """
@@ -23,17 +23,17 @@ from .task import EVERY, STEPS, task
 from .tune import best_rate, read_tuning
 
 TIMES = 3
-"""How often a run of ours is timed, whose time is short."""
+"""The number of timings of a run of ours, which is short."""
 
 FEWEST = 5
-"""Runs of a learner that a conclusion may rest on."""
+"""The fewest runs of a learner from which the page concludes."""
 
 Measured = Iterator[tuple[str, list[Run]]]
 """Runs with the names of their learners."""
 
 
 def measure_ours(steps: int, runs: int) -> Measured:
-    """Scores of batches, and the time of single runs."""
+    """Yield the scores of batches, and the times of single runs."""
     batch = f"num_seeds={runs}", "engine=compiled"
     single = fuzzy_command(steps, "lam=0.2", "engine=compiled")
     alone(single)  # fills the cache of compiled programs
@@ -45,7 +45,7 @@ def measure_ours(steps: int, runs: int) -> Measured:
 
 
 def measure_peers(steps: int, seeds: int) -> Measured:
-    """The peers in turn, since what else the machine does varies."""
+    """Yield the peers' runs, in turn, since the machine's load varies."""
     rates = {peer: best_rate(scores) for peer, scores in read_tuning().items()}
     cases = list(product(range(seeds), PEERS))
     commands = [PEERS[peer].command(seed, steps, rates[peer]) for seed, peer in cases]
@@ -72,13 +72,15 @@ def main() -> None:
     if not given.redraw:
         if absent := [peer.python for peer in PEERS.values() if not Path(peer.python).exists()]:
             sys.exit(f"{absent[0]} isn't there: make peers installs it")
-        # Who else was busy makes wall times longer.
+        # Other processes make wall times longer.
         machine = f"{describe_machine()}, at a load of {os.getloadavg()[0]:.1f} before we began"
         measured = defaultdict(list)
         ours = measure_ours(given.steps, given.runs)
         for name, runs in chain(ours, measure_peers(given.steps, given.seeds)):
             measured[name] += runs
-            write_results(given.results, machine, measured)  # what is there is kept
+            write_results(
+                given.results, machine, measured
+            )  # after each learner, so that an interruption loses little
     machine, results = read_results(given.results)
     if missing := [name for name in (ALONE, EAGER) if name not in results]:
         sys.exit(f"{given.results} has no runs of {missing[0]}: make peers")

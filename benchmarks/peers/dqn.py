@@ -1,7 +1,7 @@
-"""A deep Q-network as both peers have it: the same architecture and schedule, Adam, Huber's loss.
+"""The settings of the deep Q-networks, the same for both peers; Adam and Huber's loss.
 
 V. Mnih et al., "Human-level control through deep reinforcement learning", Nature 518, 2015, with
-numbers for a small task that were set beforehand. Only the learning rate was sought (tune.py).
+numbers for a small task that were set in advance. Only the learning rate was tuned (tune.py).
 """
 
 import argparse
@@ -14,22 +14,22 @@ from .task import STEPS
 
 @dataclass(frozen=True)
 class Settings:
-    """What is the same for both libraries, but for the learning rate, each's best."""
+    """The settings of both libraries; each has its own best learning rate."""
 
     learning_rate: float
-    hidden: tuple[int, ...] = (64, 64)  # units of the layers between, with ReLU
+    hidden: tuple[int, ...] = (64, 64)  # units of the hidden layers, with ReLU
     batch: int = 64  # transitions of an update
-    buffer: int = STEPS  # all that it has lived through
+    buffer: int = STEPS  # holds all transitions of a run
     warm_up: int = 500  # steps before the first update, of random actions
-    collect: int = 4  # steps, and then as many updates
-    tau: float = 0.01  # of the way that the target network goes to the other at each step
+    collect: int = 4  # steps between updates, and updates after them
+    tau: float = 0.01  # share of the way to the network that the target moves at each step
     epsilon: float = 0.1  # probability of a random action, as ours
-    anneal: int = 2_000  # steps in which it comes down to that from 1
+    anneal: int = 2_000  # steps in which it falls from 1 to that
     gradient_norm: float = 10.0  # at most
 
 
 def command_line(learn: Callable[[Settings, int, int], Run]) -> None:
-    """One run, by ``sys.argv``; prints it as a line."""
+    """Learn one run as ``sys.argv`` says, and print it as a line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--steps", type=int, required=True)
@@ -39,7 +39,7 @@ def command_line(learn: Callable[[Settings, int, int], Run]) -> None:
 
 
 def in_words(settings: Settings) -> list[tuple[str, str]]:
-    """Each setting but the learning rate, by its name."""
+    """Return the names and values of all settings but the learning rate."""
     values = asdict(settings).items()
     return [
         (name.replace("_", " "), f"{value:,}" if isinstance(value, int) else str(value))

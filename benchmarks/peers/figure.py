@@ -1,4 +1,4 @@
-"""Catches of all learners, against the steps that they learn and the time that it takes them."""
+"""Draws the catches of all learners against learning steps and against time."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -44,7 +44,7 @@ def peers_figure(results: Results, best: int) -> Figure:
     by_steps, by_time = figure.subplots(1, 2, sharey=True)
     for name in WORDS:
         _draw(by_steps, results, name, np.array(results[name][0].steps), "-")
-    # The evaluation before learning, after no time, has no place on a logarithmic axis.
+    # The evaluation before learning is at time 0, which a logarithmic axis can't show.
     _draw(by_time, results, OURS, seconds(results[ALONE]), "-", begin=1)
     _draw(by_time, results, OURS, eager_seconds(results), "--", begin=1)
     for name in PEERS:
@@ -73,7 +73,7 @@ def _draw(
     style: str,
     begin: int = 0,
 ) -> None:
-    """A learner's line and band, from its evaluation of that number on."""
+    """Draw a learner's line and band, beginning with one of its evaluations."""
     scores = catches(results[name])[:, begin:]
     mean, low, high = mean_interval(scores, confidence=CONFIDENCE)
     axes.plot(x[begin:], mean, color=_LINE[name], linestyle=style, linewidth=1.4)

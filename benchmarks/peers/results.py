@@ -1,4 +1,4 @@
-"""All runs of a comparison, by learner, and the file that keeps them."""
+"""The runs of a comparison by learner, and the file that keeps them."""
 
 import json
 from collections.abc import Mapping
@@ -15,49 +15,50 @@ from .learners import PEERS
 from .runs import Run
 
 OURS, NO_TRACE = "lam=0.2", "lam=0"
-"""Each a batch."""
+"""Our two learners, each measured as a batch of runs."""
 
 ALONE, EAGER = "alone", "eager"
-"""λ = 0.2, one run at a time; the latter shorter."""
+"""λ = 0.2, one run at a time: compiled, and eager with fewer steps."""
 
 WORDS = {OURS: "Q(λ), λ = 0.2", NO_TRACE: "Q(λ), λ = 0"} | {
     name: peer.words for name, peer in PEERS.items()
 }
-"""What figures and the page call the learners that they compare."""
+"""The learners' names in the figure and on the page."""
 
 Results = Mapping[str, list[Run]]
 
 
 def catches(runs: list[Run]) -> NDArray[np.int64]:
-    """Of all evaluations, ``[runs, evaluations]``."""
+    """Return the catches in each evaluation, ``[runs, evaluations]``."""
     return np.array([run.catches for run in runs])
 
 
 def mean_score(runs: list[Run]) -> NDArray[np.float64]:
-    """Of each run, over all evaluations after learning began."""
+    """Return each run's mean score over all evaluations but the one before learning."""
     return catches(runs)[:, 1:].mean(axis=1)
 
 
 def final_score(runs: list[Run]) -> NDArray[np.float64]:
-    """Of each run, over the last evaluations."""
+    """Return each run's mean score over the last evaluations."""
     return catches(runs)[:, 1:][:, -FINAL_EVALUATIONS:].mean(axis=1)
 
 
 def seconds(runs: list[Run]) -> NDArray[np.float64]:
-    """Of wall time until each evaluation, compiling included: the mean over the runs."""
+    """Return the mean wall time until each evaluation, compiling included."""
     return np.mean([np.add(run.seconds, run.compile_seconds) for run in runs], axis=0)
 
 
 def eager_seconds(results: Results) -> NDArray[np.float64]:
-    """Of a whole run of ours that steps as fast as the shorter one that was measured."""
+    """Return the seconds until each evaluation of an eager run, from those of a shorter one."""
     [run] = results[EAGER]
     return np.array(results[OURS][0].steps) * run.seconds[-1] / run.steps[-1]
 
 
 def at_last(runs: list[Run], goal: float) -> int | None:
-    """From which evaluation on the runs catch so many on average, to the end, if from any.
+    """Return the evaluation from which on the mean stays at the goal or above; None if there is none.
 
-    A network may steer well by chance before it has learned anything.
+    A network may steer well by chance before it has learned anything, so the first such evaluation
+    doesn't count.
     """
     means = catches(runs).mean(axis=0)
     below = np.flatnonzero(means < goal)
@@ -73,7 +74,7 @@ def write_results(path: Path, machine: str, results: Results) -> None:
 
 
 def read_results(path: Path) -> tuple[str, Results]:
-    """The machine in words, and the runs."""
+    """Return the machine in words, and the runs."""
     kept = json.loads(path.read_text(encoding="utf-8"))
     return kept["machine"], {
         name: [Run(**run) for run in runs] for name, runs in kept["runs"].items()

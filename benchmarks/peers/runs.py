@@ -1,4 +1,4 @@
-"""What a run of a learner comes to, and processes that run learners."""
+"""The outcome of a learner's run, and the processes that run learners."""
 
 import json
 import os
@@ -16,7 +16,7 @@ Command = Sequence[str]
 
 @dataclass(frozen=True)
 class Run:
-    """One run; the lists have an entry for each evaluation, the first before learning."""
+    """The outcome of one run; its lists have an entry for each evaluation, first that at step 0."""
 
     seed: int
     steps: list[int]  # learning steps so far
@@ -24,7 +24,7 @@ class Run:
     catches: list[int]
     versions: dict[str, str]  # of the libraries it ran with
     compile_seconds: float = 0.0
-    world_seconds: float | None = None  # what the world's own steps took, if that was measured
+    world_seconds: float | None = None  # of the world's own steps, if they were measured
 
     @property
     def mean_score(self) -> float:
@@ -44,7 +44,7 @@ def versions_of(*libraries: str) -> dict[str, str]:
 
 
 def alone(command: Command) -> list[Run]:
-    """The runs that a command prints, while nothing else of ours runs.
+    """Return the runs that a command prints, while none of our other commands runs.
 
     Raises:
         CalledProcessError: it failed; what it said is a note of the error.
@@ -53,7 +53,7 @@ def alone(command: Command) -> list[Run]:
 
 
 def side_by_side(commands: Iterable[Command]) -> Iterator[list[Run]]:
-    """The runs that each command prints, as many at once as there are cores, with a thread each.
+    """Yield the runs that each command prints; run one command with one thread on each core.
 
     Raises:
         CalledProcessError: one failed; what it said is a note of the error.
@@ -66,6 +66,6 @@ def side_by_side(commands: Iterable[Command]) -> Iterator[list[Run]]:
 def _runs(command: Command, environment: dict[str, str]) -> list[Run]:
     finished = run_watched(command, environment)
     print(f"{finished.seconds:5.0f} s  {' '.join(command[1:])}", file=sys.stderr, flush=True)
-    # TorchRL logs to stdout.
+    # TorchRL logs to stdout too.
     lines = [line for line in finished.output.splitlines() if line.startswith("{")]
     return [Run.from_line(line) for line in lines]

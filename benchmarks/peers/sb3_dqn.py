@@ -1,4 +1,4 @@
-"""Stable-Baselines3's DQN, through Gymnasium; runs in an environment of its own.
+"""Trains Stable-Baselines3's DQN through Gymnasium, in a virtual environment of its own.
 
 python -m benchmarks.peers.sb3_dqn --seed 0 --steps 12000 --learning-rate 1e-3
 """
@@ -17,7 +17,7 @@ from .task import EVERY, Diary, WorldClock, score, task
 
 
 class Snapshots(BaseCallback):
-    """Notes down the network before learning and then regularly."""
+    """Keeps the network before learning and at regular intervals."""
 
     diary: Diary
 
@@ -35,7 +35,7 @@ def learn(settings: Settings, seed: int, steps: int) -> Run:
     config = task()
     env = GymWorld(config.env, config.action.candidates)
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # what its checker only advises counts too
+        warnings.simplefilter("error")  # the checker's advice counts as well
         check_env(env)
     clock = WorldClock(env.world)
     model = DQN(

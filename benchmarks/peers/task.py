@@ -1,4 +1,4 @@
-"""What every learner is given: the same world, as many steps, and the same test."""
+"""The task of every learner: the same world, number of steps and test."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -14,24 +14,24 @@ from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.evaluation import FIRST_EPISODE
 
 STEPS = 12_000
-"""Of learning: about what 200 situations take with λ = 0.2."""
+"""Learning steps of a run: about as many as 200 situations take with λ = 0.2."""
 
 EVERY = 400
 """Steps from one evaluation to the next."""
 
 
 def moments(steps: int) -> list[int]:
-    """The steps after which a learner of so many is evaluated: before the first, and regularly."""
+    """Return the steps after which a learner is evaluated, from 0 to the last."""
     return list(range(0, steps + 1, EVERY))
 
 
 def task() -> Config:
-    """World, candidates, γ and test are our defaults, for the peers too."""
+    """Return the default configuration, whose world, candidates, γ and test the peers share."""
     return load_config()
 
 
 class Diary:
-    """Snapshots of a network that learns: after how many steps, how many seconds, and it."""
+    """Copies of a network as it learns, each with its steps and seconds."""
 
     def __init__(self) -> None:
         self.steps: list[int] = []
@@ -40,14 +40,14 @@ class Diary:
         self._start = perf_counter()
 
     def note(self, step: int, network: nn.Module) -> None:
-        """Note down the network after so many steps."""
+        """Keep a copy of the network after so many steps."""
         self.seconds.append(perf_counter() - self._start)
         self.steps.append(step)
         self.networks.append(deepcopy(network))
 
 
 class WorldClock:
-    """Counts the seconds that a world takes for its own steps, whoever calls it."""
+    """Counts the seconds of a world's own steps."""
 
     def __init__(self, world: FollowBall) -> None:
         self.seconds = 0.0
@@ -63,15 +63,15 @@ class WorldClock:
 
 @torch.no_grad()
 def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]:
-    """How many of the test's situations the greedy policy of each network ends in a catch.
+    """Return the number of catches in the test for the greedy policy of each network.
 
-    Played side by side, all networks and situations, with the random numbers of
+    All networks play all situations side by side, with the random numbers of
     `fnnq_torchrl.training.evaluation`.
 
     Args:
-        networks: of the evaluations in turn; each takes bearings ``[n, 1]`` to the values of the
+        networks: one for each evaluation; each maps bearings ``[n, 1]`` to the values of the
             candidates, ``[n, candidates]``.
-        seed: the run's.
+        seed: of the run.
         config: has the world, the test and the number of candidates.
     """
     tests = torch.tensor(config.evaluation.situations)
