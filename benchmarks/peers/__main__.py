@@ -78,9 +78,7 @@ def main() -> None:
         ours = measure_ours(given.steps, given.runs)
         for name, runs in chain(ours, measure_peers(given.steps, given.seeds)):
             measured[name] += runs
-            write_results(
-                given.results, machine, measured
-            )  # after each learner, so that an interruption loses little
+            write_results(given.results, machine, measured)  # now, in case of an interruption
     machine, results = read_results(given.results)
     if missing := [name for name in (ALONE, EAGER) if name not in results]:
         sys.exit(f"{given.results} has no runs of {missing[0]}: make peers")

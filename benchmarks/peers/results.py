@@ -55,7 +55,7 @@ def eager_seconds(results: Results) -> NDArray[np.float64]:
 
 
 def at_last(runs: list[Run], goal: float) -> int | None:
-    """Return the evaluation from which on the mean stays at the goal or above; None if there is none.
+    """Return the evaluation from which on the mean stays at or above the goal, if there is one.
 
     A network may steer well by chance before it has learned anything, so the first such evaluation
     doesn't count.
