@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import asdict, replace
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -110,6 +111,11 @@ def test_overrides_reach_their_keys():
     assert config.value.inputs == {"bearing": [[0, 1]]}
 
 
+@cache
+def plain_config(env, value):
+    return asdict(load_config(f"env={env}", f"value={value}", EVERY_LOGGER))
+
+
 @pytest.mark.parametrize(
     ("env", "value", "key"),
     [
@@ -119,8 +125,7 @@ def test_overrides_reach_their_keys():
     ],
 )
 def test_every_key_has_a_type_and_a_range(env, value, key):
-    config = load_config(f"env={env}", f"value={value}", EVERY_LOGGER)
-    values = OmegaConf.create(asdict(config))
+    values = OmegaConf.create(plain_config(env, value))
     OmegaConf.update(values, key, NONSENSE)
     with pytest.raises(ConfigError) as refused:
         to_config(values)
@@ -182,6 +187,11 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
             "evaluation.situations=[[0.1]]: must be a list of starts [angle, speed], "
             "or a whole number of random ones",
         ),
+        ("lam=", "lam=: must be a number in [0, 1]"),
+        ("lam=null", "lam=null: must be a number in [0, 1]"),
+        ("lam=true", "lam=True: must be a number in [0, 1]"),
+        ("alpha=-1", "alpha=-1.0: must be a number in [0, inf)"),
+        ("seed=-1", "seed=-1: must be a whole number >= 0"),
         ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1"),
         ("evaluation.every=3", "situations=200: must be a whole multiple of evaluation.every=3"),
         ("situations=0", "situations=0: must be a whole number >= 1"),
