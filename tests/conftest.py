@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from fnnq_torchrl.studies.experiments import Experiment
 
 # The first call of a torch operation can take seconds, so no example has a deadline.
-settings.register_profile("here", deadline=None, derandomize="CI" in os.environ, print_blob=True)
+settings.register_profile(
+    "here", max_examples=50, deadline=None, derandomize="CI" in os.environ, print_blob=True
+)
 settings.register_profile("long", settings.get_profile("here"), max_examples=5000)  # make fuzz
 settings.load_profile("here")
 

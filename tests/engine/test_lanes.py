@@ -105,7 +105,7 @@ def test_among_runs_of_other_configurations(together: tuple[TensorDict, TensorDi
     assert_same_bits(mixed[order.argsort()[:RUNS]], state)
 
 
-@pytest.mark.parametrize(("runs", "threads"), [(RUNS, 2), (50, 3), (2000, 2), (2000, 3)])
+@pytest.mark.parametrize(("runs", "threads"), [(50, 3), (600, 2)])
 def test_on_any_number_of_threads(runs: int, threads: int) -> None:
     # From about 400 runs on there is enough work in an operation for torch to share it out.
     run = make_runs(config(), runs)

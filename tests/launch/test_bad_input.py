@@ -319,9 +319,9 @@ overrides = st.builds(
 lists_of_overrides = st.lists(
     overrides.filter(lambda text: not text.startswith("-")), min_size=1, max_size=3
 )
-# A tenth of the others' examples, since each takes a tenth of a second.
+# A fifth of the others' examples, since each takes a tenth of a second.
 few = settings(
-    max_examples=settings().max_examples // 10,
+    max_examples=settings().max_examples // 5,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 

@@ -118,7 +118,7 @@ def assert_same(outcome: Outcome, trainer: Trainer, expected, runs: slice = slic
 
 
 @given(st.lists(st.integers(1, 30), min_size=1, max_size=3))
-@settings(max_examples=15)
+@settings(max_examples=8)
 def test_an_interrupted_training_comes_to_the_same_end(
     tmp_path_factory: pytest.TempPathFactory, uninterrupted, stops: list[int]
 ) -> None:
