@@ -31,8 +31,8 @@ MISTAKES = {
     "+env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
     "hydra.nope=1": "Could not override 'hydra.nope'. To append to your config use +hydra.nope=1",
 }
-QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")  # pytest's own stays as it is
-# What a shell leaves that took a parenthesis for its own, and what else asks for other words.
+QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")  # leaves pytest's logging as it is
+# Commands that a shell has split at a parenthesis, and others that need a special message.
 UNFRIENDLY = {
     ("lam=0.2,0.3",): "lam=0.2,0.3: several values need -m, a job for each",
     ("seed=range(22)",): "seed=range(22): several values need -m, a job for each",
@@ -56,7 +56,7 @@ class Outcome(NamedTuple):
 
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys) -> Callable[..., Outcome]:
-    """Runs the train command in this process with a job that only takes notes."""
+    """Runs the train command in this process, with a job that only records its arguments."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str, job: Callable[[Config, Path], None] | None = None) -> Outcome:

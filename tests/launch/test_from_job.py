@@ -1,4 +1,4 @@
-"""``from=DIR``: what an earlier job was, and what is typed beside it."""
+"""``from=DIR`` takes the configuration of an earlier job; what else is typed changes it."""
 
 import shutil
 from collections.abc import Callable
@@ -29,7 +29,7 @@ EARLIER = (
 
 @pytest.fixture
 def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Config]:
-    """The configurations of the jobs that are trained, in a directory of their own."""
+    """The configurations of the jobs that would be trained; they run in ``tmp_path``."""
     configs: list[Config] = []
 
     def run_job(config: Config, directory: Path) -> float:
@@ -137,7 +137,7 @@ def test_its_own_directory_may_be_gone_on_with(earlier: Config, trained: list[Co
 
 @pytest.fixture
 def edit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
-    """Makes the directory ``job`` with a configuration that somebody has changed."""
+    """Makes the directory ``job``, whose configuration somebody has edited."""
     monkeypatch.chdir(tmp_path)
     path = Path("job/.hydra/config.yaml")
     path.parent.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""Experiments that are several grids, and that every experiment shipped is a list of valid jobs."""
+"""Experiments of several grids; every experiment that is shipped is a list of valid jobs."""
 
 import sys
 import types
