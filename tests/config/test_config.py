@@ -25,11 +25,11 @@ from fnnq_torchrl.launch.composition import load_config
 
 CONF = config_directory()
 FILES = {path.relative_to(CONF) for path in CONF.rglob("*") if path.is_file()}
-# Experiments are added to a configuration, the other groups have one choice each in it.
+# An experiment is added to a configuration; each other group has one choice in it.
 CHOICES = {
     path: f"{'+' * (path.parent.name == 'experiment')}{path.parent}={path.stem}"
     for path in sorted(FILES - {Path("config.yaml"), Path("action/all.yaml")})
-    if path.parent != Path("value/labels")  # which a task chooses
+    if path.parent != Path("value/labels")  # a task chooses those
 }
 
 EVERY_LOGGER = "logger=[csv,wandb,tensorboard,mlflow]"
@@ -248,7 +248,7 @@ def test_a_step_size_brings_its_values_and_yields_to_the_users(given):
 
 @pytest.fixture
 def own_task(tmp_path):
-    """A task of a user's own on our world, as its directory of configuration."""
+    """A configuration directory with a user's own task on our world."""
     for name, text in {
         "task/mine.yaml": "# @package _global_\n"
         "defaults: [/env: follow_ball, /action: even, /evaluation: random]\n",
