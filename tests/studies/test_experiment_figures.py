@@ -43,7 +43,7 @@ def test_every_axis_says_what_it_shows(name: str, experiments: Experiments) -> N
     experiment, picture = FIGURES[name]
     for axes in picture(experiments[experiment]).axes:
         assert axes.get_ylabel() or axes.get_yticklabels()
-        assert axes.get_xlabel() or axes.get_ylabel()  # a scale of colours has one only
+        assert axes.get_xlabel() or axes.get_ylabel()  # a colour scale has one label only
 
 
 def test_lines_and_bands_are_the_files_means_and_intervals(experiments: Experiments) -> None:
