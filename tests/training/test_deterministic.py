@@ -1,4 +1,4 @@
-"""Torch's deterministic mode refuses no operation that learning and its test take."""
+"""Learning and its test run in torch's deterministic mode."""
 
 from collections.abc import Iterator
 
