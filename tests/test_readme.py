@@ -15,7 +15,7 @@ RUNS, STEPS = 8, 130
 
 
 def example(steps: int) -> dict:
-    """What the names of the example stand for after so many steps."""
+    """Run the example for so many steps, and return its variables."""
     (code,) = re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
     shorter = code.replace("range(1000)", f"range({steps})")
     assert shorter != code
