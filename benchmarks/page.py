@@ -22,19 +22,19 @@ one run, on the default experiment with λ = 0.2.
 $speed
 
 * *C limit* is the experiment written by hand in C with SIMD, 16 runs at a time in the first-level
-  cache. It keeps no snapshots and its random numbers are simpler: it shows the limit of the machine,
-  not of a library.
+  cache. It keeps no snapshots and its random numbers are simpler: it shows the limit of the
+  machine, not of a library.
 * *JAX* is `jit(scan(vmap))`, the usual form of fast JAX code ($jax, on 1,100, 11,000 and
   50,000 runs). Each of its readings is the best of three.
 * *ours* is `Trainer.learn` with `engine=compiled`, the snapshots for the evaluation included: the
   steps of all runs up to the end of their last situation, over the time until the last run ends,
-  without compiling. More than 20,000 runs have fewer situations each, to keep the benchmark short; so
-  lanes are idle for a larger share of the time, while the last runs end.
+  without compiling. More than 20,000 runs have fewer situations each, to keep the benchmark short;
+  so lanes are idle for a larger share of the time, while the last runs end.
 
 ## Compiling
 
-Seconds to trace the learner's step and to load its program from the cache on disk, in a new process.
-The next table has compiling with an empty cache, in the column "cold".
+Seconds to trace the learner's step and to load its program from the cache on disk, in a new
+process. The next table has compiling with an empty cache, in the column "cold".
 
 $compile
 
@@ -58,8 +58,8 @@ $large
 ## An eager step
 
 The time of the parts of one learning step with `engine=eager`. No part includes another: the random
-numbers that `env.step` and `restart` draw have their own line. The last line is measured without the
-stopwatch of the others.
+numbers that `env.step` and `restart` draw have their own line. The last line is measured without
+the stopwatch of the others.
 
 $eager
 
