@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
-# A picture of each job would take longer than the jobs.
+# Drawing a picture of each job would take longer than training it.
 EXPERIMENT := $(BIN)/python -m fnnq_torchrl.train hydra.launcher.pictures_up_to=0
 SEEDS := 1000
 KILLS := 25
@@ -27,37 +27,37 @@ figures: install  ## the paper's figures and ours, 22 seeds each, into outputs/f
 	$(BIN)/python -m fnnq_torchrl.figures fig2 fig3 traces readings decay exploration variants
 	$(BIN)/python -m fnnq_torchrl.reproduction --short
 
-reproduction: install  ## docs/reproduction.md: which claims hold over 10,000 seeds (SEEDS=1000: those of all else)
+reproduction: install  ## docs/reproduction.md: the paper's claims over 10,000 seeds (SEEDS=1000: seeds of the other experiments)
 	for name in fig2_large fig3_large decay_large; do $(EXPERIMENT) +experiment=$$name || exit; done
 	for name in traces decay exploration variants open_choices; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction
 
-adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 seeds (SEEDS=22: fewer), of a perceptron over 100; takes twenty minutes
+adaptive: install  ## docs/adaptive.md: adaptive step sizes over 1,000 seeds (SEEDS=22: fewer), a perceptron over 100; takes twenty minutes
 	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
 	$(EXPERIMENT) +experiment=stability
 	$(BIN)/python -m fnnq_torchrl.adaptive
 
-extrapolation: install  ## docs/extrapolation.md: what value functions do where they have seen nothing (takes eight minutes)
+extrapolation: install  ## docs/extrapolation.md: value functions at bearings that they have never seen; takes eight minutes
 	for name in value_functions extrapolation; do $(EXPERIMENT) +experiment=$$name || exit; done
 	$(BIN)/python -m fnnq_torchrl.extrapolation
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto
 
-fuzz: install  ## made-up overrides by the hundred, as test_bad_input.py has a few of
+fuzz: install  ## thousands of random overrides, of which the test suite tries a few
 	$(BIN)/python -m pytest -q tests/launch/test_bad_input.py -k overrides --hypothesis-profile long
 
-test-wheel: install  ## before a release: the wheel in an environment of its own, its dependencies downloaded (tests/test_wheel.py takes .venv's)
+test-wheel: install  ## before a release: install the wheel with downloaded dependencies, and train (the test suite links .venv's)
 	rm -rf dist && $(BIN)/python -m hatchling build -t wheel
 	$(PYTHON) -m venv dist/empty
 	dist/empty/bin/python -m pip install -qq -c constraints.txt dist/*.whl
 	mkdir dist/elsewhere && cd dist/elsewhere && ../empty/bin/python -m fnnq_torchrl.train situations=5 num_seeds=2
 	test -f dist/elsewhere/outputs/*/summary.json
 
-torture: install  ## kill jobs at random moments, have them go on, compare what they leave (KILLS=25)
+torture: install  ## kill jobs at random moments, start them again, compare their files (KILLS=25)
 	$(BIN)/python benchmarks/torture.py --kills $(KILLS)
 
-soak: install  ## does memory grow with the learning steps? (STEPS=10 million)
+soak: install  ## memory over many learning steps (STEPS=10 million)
 	$(BIN)/python benchmarks/soak.py --steps $(STEPS)
 
 bench: install  ## measure the figures of the README and docs/performance.md (SPEED=--large: 100,000 runs too)
@@ -65,13 +65,13 @@ bench: install  ## measure the figures of the README and docs/performance.md (SP
 	$(BIN)/python benchmarks/command.py
 	$(BIN)/python benchmarks/speed.py --write docs/performance.md $(SPEED)
 
-bench-loggers: install  ## how long it takes to log 1,000 runs, for docs/loggers.md
+bench-loggers: install  ## time the logging of 1,000 runs, for docs/loggers.md
 	$(BIN)/python benchmarks/loggers.py
 
-agreement: install  ## do 2,000 runs learn the same, eager and compiled? Takes minutes
+agreement: install  ## compare 2,000 runs that learn eagerly and compiled; takes minutes
 	$(BIN)/python benchmarks/agreement.py
 
-bench-jax: $(JAX)/installed  ## an environment of its own for the JAX yardstick, which bench does without if it must
+bench-jax: $(JAX)/installed  ## install JAX in its own environment for bench, which skips JAX if that fails
 
 peers: install $(SB3)/installed  ## docs/peers.md: TorchRL's and Stable-Baselines3's DQN on the same task (takes twelve minutes)
 	$(BIN)/python -m benchmarks.peers
@@ -88,7 +88,7 @@ format: install  ## rewrite the code as ruff would have it
 clean:  ## remove .venv, the environments of JAX and of the peers, dist and caches, never outputs/
 	rm -rf $(VENV) $(JAX) $(SB3) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
-# The pins hold for build backends too: from pip 25.3 on they have a variable of their own.
+# The pins hold for build backends too; from pip 25.3 on these have their own variable.
 $(STAMP) $(SB3)/installed: export PIP_CONSTRAINT := constraints.txt
 $(STAMP) $(SB3)/installed: export PIP_BUILD_CONSTRAINT := constraints.txt
 $(STAMP): pyproject.toml constraints.txt

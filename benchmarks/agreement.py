@@ -1,9 +1,9 @@
-"""Do many runs learn the same whether the steps run eagerly or compiled?
+"""Compares what many runs learn with eager and with compiled steps.
 
 python benchmarks/agreement.py [runs]
 
-Eager and compiled differ in the last bits, so single histories part sooner or later; what the runs
-have learned on average, at every evaluation, must not.
+Eager and compiled steps differ in the last bits, so single runs diverge from each other sooner or
+later. The average over the runs must be the same at every evaluation.
 """
 
 import sys
@@ -17,7 +17,7 @@ from fnnq_torchrl.training.trainer import Trainer
 
 
 def learn(engine: str, runs: int) -> tuple[np.ndarray, float]:
-    """The catches ``[runs, evaluations]``, and the seconds that learning took."""
+    """Return the catches ``[runs, evaluations]`` and the seconds of learning."""
     trainer = Trainer.of(load_config("lam=0.2", f"num_seeds={runs}", f"engine={engine}"))
     trainer.learn()
     return trainer.evaluate().catches, trainer.ledger.seconds["train"]
@@ -26,7 +26,7 @@ def learn(engine: str, runs: int) -> tuple[np.ndarray, float]:
 def main() -> None:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
     (eager, eager_s), (compiled, compiled_s) = (learn(name, runs) for name in ("eager", "compiled"))
-    # The same seeds, so run by run: less is left to chance.
+    # Both have the same seeds; paired differences have a narrower interval.
     differences = compiled - eager
     _, low, high = mean_interval(differences[:, 1:].mean(1))
     each = mean_interval(differences[:, 1:])

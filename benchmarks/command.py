@@ -1,4 +1,4 @@
-"""How long does the command that `make run` runs take, from its start to its end?
+"""Times the whole command that `make run` runs.
 
 python benchmarks/command.py [repetitions]
 """
@@ -19,7 +19,7 @@ PARTS = ("train_seconds", "compile_seconds", "evaluate_seconds")
 
 @dataclass(frozen=True)
 class CommandRun:
-    seconds: dict[str, float]  # the whole, and its parts as the job itself counts them
+    seconds: dict[str, float]  # of the whole command, and of its parts as summary.json has them
     peak_bytes: int
 
 
@@ -28,7 +28,7 @@ def train_command(runs: int) -> list[str]:
 
 
 def measure(runs: int, environment: Mapping[str, str] | None = None) -> CommandRun:
-    """One run of the command, with variables of the environment besides our own."""
+    """Run the command once, with these environment variables besides our own."""
     with tempfile.TemporaryDirectory() as directory:
         command = [sys.executable, *train_command(runs), f"hydra.run.dir={directory}/job"]
         finished = run_watched(command, environment)

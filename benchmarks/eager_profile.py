@@ -1,4 +1,4 @@
-"""Where do the microseconds of one learning step go, if it runs eagerly?
+"""Times the parts of one eager learning step.
 
 python benchmarks/eager_profile.py [runs …]
 """
@@ -28,7 +28,7 @@ from fnnq_torchrl.engine.threads import threads_for
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.trainer import Trainer
 
-# Where a step looks its parts up.
+# The functions that belong to each part, by the name under which a step looks them up.
 PARTS = {
     "act": [(learning_step, "act")],
     "env.step": [(FollowBall, "step")],
@@ -49,13 +49,13 @@ Advance = Callable[[], None]
 @dataclass(frozen=True)
 class Profile:
     lanes: int
-    whole_us: float  # of a step that nothing watches
+    whole_us: float  # of a step without the stopwatch
     parts_us: dict[str, float]
     operations: Counter[str]
 
 
 class Stopwatch:
-    """Whose turn it is: a part that calls another doesn't count the other's time as its own."""
+    """Counts the seconds of each part, without those of the parts that it calls."""
 
     def __init__(self) -> None:
         self.turns = [REST]
@@ -102,7 +102,7 @@ class Stopwatch:
 
 
 class OperationCount(TorchDispatchMode):
-    """Counts aten operations, the gradient's included, by the part whose turn it is."""
+    """Counts the aten operations of each part, those of the gradient included."""
 
     def __init__(self, stopwatch: Stopwatch) -> None:
         super().__init__()
@@ -115,7 +115,7 @@ class OperationCount(TorchDispatchMode):
 
 
 def make_step(runs: int) -> tuple[Advance, int, int]:
-    """What advances so many runs by a step, as `Trainer.learn` has it; its lanes and elements."""
+    """Return a function that advances so many runs by one step, its lanes and its elements."""
     config = load_config("lam=0.2", "engine=eager", f"num_seeds={runs}")
     trainer = Trainer.of(config)
     lanes = lanes_for(runs, trainer.engine.workers, trainer.engine.most_lanes)
@@ -132,7 +132,7 @@ def make_step(runs: int) -> tuple[Advance, int, int]:
 
 @torch.no_grad()
 def profile(runs: int) -> Profile:
-    """Steps with and without a stopwatch in turn, since what else the machine does varies."""
+    """Time steps with and without the stopwatch, in turn, since the machine's load varies."""
     advance, lanes, elements = make_step(runs)
     stopwatch = Stopwatch()
     whole, parts = [], []

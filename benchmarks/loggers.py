@@ -1,7 +1,7 @@
 """Time the logging of 1,000 runs beside training them: python benchmarks/loggers.py [repetitions]
 
-Each logger has a process of its own, and they take turns with training, since what else the machine
-does varies. With one wandb run for each run, 100 runs are logged.
+Each logger has a process of its own. They take turns with training, since the machine's load
+varies. With one wandb run for each run, 100 runs are logged.
 """
 
 import json
@@ -36,7 +36,7 @@ def train(runs: int, directory: Path) -> float:
 
 def log(directory: Path, overrides: list[str]) -> list[float]:
     """Return the seconds that the first job of this process takes to log, and the next."""
-    import fnnq_torchrl.training.job  # noqa: F401  # whoever has trained has imported all this
+    import fnnq_torchrl.training.job  # noqa: F401  # a process that trains has imported this already
     from fnnq_torchrl.launch.composition import load_config
     from fnnq_torchrl.training.jobs import Job
     from fnnq_torchrl.training.loggers import Loggers

@@ -1,4 +1,4 @@
-"""What the figures were measured on, in one line."""
+"""The machine that the figures were measured on, in one line."""
 
 import os
 import platform
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def describe_machine() -> str:
-    """Processor, cores, Python and torch."""
+    """Return the names of the processor, its cores, Python and torch."""
     import torch
 
     cpuinfo = Path("/proc/cpuinfo")

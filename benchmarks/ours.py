@@ -1,6 +1,6 @@
-"""The learning of a compiled job, without its evaluation and files: how fast, in what memory?
+"""Measures the learning of a compiled job, without its evaluation and files: speed and memory.
 
-python benchmarks/ours.py num_seeds=22 situations=20     learns anew at every line on stdin
+python benchmarks/ours.py num_seeds=22 situations=20     learns again at each line on stdin
 """
 
 import json
@@ -16,8 +16,8 @@ from watched import memory_bytes
 class Learned:
     steps: int  # learning steps of all runs, each up to the end of its last situation
     seconds: float  # without compiling
-    compile_seconds: float  # 0 from the second time on
-    resident_bytes: int  # before learning: at first, what the imports take
+    compile_seconds: float  # 0 from the second repetition on
+    resident_bytes: int  # before learning: in the first repetition, that of the imports
     peak_bytes: int
 
     @property
@@ -27,10 +27,10 @@ class Learned:
 
 
 class Learner:
-    """A process that learns the same again and again, compiled once.
+    """A process that repeats the same learning, compiled once.
 
-    With one of its own, a number of runs shares neither memory nor threads with another, and
-    yardsticks can take turns with it.
+    Each number of runs has a process of its own, so it shares neither memory nor threads with the
+    others. Yardsticks can be measured in between.
     """
 
     def __init__(self, runs: int, situations: int) -> None:
@@ -43,7 +43,7 @@ class Learner:
             stdout=subprocess.PIPE,
             text=True,
         )
-        self._read()  # imports are over, and disturb nothing that is measured
+        self._read()  # waits for the imports, which would disturb what is measured
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -57,7 +57,7 @@ class Learner:
     def _read(self) -> str:
         assert self._process.stdout is not None
         if not (line := self._process.stdout.readline()):
-            raise RuntimeError(f"{self._overrides}: stopped, for what stands above")
+            raise RuntimeError(f"{self._overrides}: stopped; the reason is printed above")
         return line
 
 
@@ -74,7 +74,7 @@ def main() -> None:
     made: list[Loop] = []
 
     def make_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
-        if not made:  # the trace of a step holds numbers alone, the same for every trainer
+        if not made:  # a traced step holds no tensors, and serves every trainer
             made.append(engine.make_loop(make_step, stays, state))
         return made[0]
 

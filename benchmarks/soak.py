@@ -1,4 +1,4 @@
-"""Does memory grow with the number of learning steps, and is what a batch will need foreseen?
+"""Measures memory over many learning steps, and compares the estimate for a batch with its peak.
 
 python benchmarks/soak.py [--steps 10]         resident memory after so many million learning steps
 python benchmarks/soak.py --runs 1000 10000    peak memory of whole commands, beside the estimate
@@ -31,7 +31,7 @@ class Mark:
 
 
 class Watch:
-    """The :class:`fnnq_torchrl.engine.scheduler.Keeper` that looks at the memory at each mark."""
+    """A :class:`fnnq_torchrl.engine.scheduler.Keeper` that reads the memory at each mark."""
 
     def __init__(self) -> None:
         self.marks: list[Mark] = []
@@ -70,9 +70,9 @@ def main() -> None:
         rows = []
         for runs in arguments.runs:
             job = Job(load_config(f"num_seeds={runs}"), Path())
-            peak, foreseen = measure(runs).peak_bytes, sizes_of(Batch([job])).total
-            rows.append([f"{runs:,}", in_bytes(peak), in_bytes(foreseen)])
-        print(table(["runs", "peak of the command", "foreseen"], rows))
+            peak, estimate = measure(runs).peak_bytes, sizes_of(Batch([job])).total
+            rows.append([f"{runs:,}", in_bytes(peak), in_bytes(estimate)])
+        print(table(["runs", "peak of the command", "estimate"], rows))
         return
     marks = soak(arguments.steps)
     rows = [[f"{mark.steps:,}", in_bytes(mark.resident_bytes)] for mark in marks]

@@ -1,9 +1,9 @@
-"""How fast do runs learn, beside the same experiment in C and in JAX, and in how much memory?
+"""Measures speed and memory of learning, beside the same experiment in C and in JAX.
 
 python benchmarks/speed.py [--write docs/performance.md] [--large]
 
-All sides take turns, since what else the machine does varies. A learning step is one step of the
-world and one Q(λ) update of one run.
+All sides take turns, since the machine's load varies. A learning step is one step of the world and
+one Q(λ) update of one run.
 """
 
 import argparse
@@ -20,7 +20,6 @@ from ours import Learned, Learner
 from page import write_page
 from tables import NOT_MEASURED, in_bytes, median_of, ratio, short, spread, table
 from yardsticks import (
-    FOLDER,
     JAX_PYTHON,
     Reading,
     build_c_limit,
@@ -37,7 +36,7 @@ MEMORY_RUNS = 11_008
 
 @dataclass
 class Size:
-    """What was measured with so many runs, repetition by repetition."""
+    """The measurements with one number of runs, one entry for each repetition."""
 
     runs: int
     situations: int
@@ -47,12 +46,12 @@ class Size:
     fresh: Learned | None = None  # in a new process that finds the program in the cache
 
 
-def measure_sizes(sizes: list[Size], repetitions: int, folder: Path, jax: Path) -> None:
+def measure_sizes(sizes: list[Size], repetitions: int, jax: Path) -> None:
     with tempfile.TemporaryDirectory() as directory, ExitStack() as processes:
-        c_limit = build_c_limit(folder, Path(directory))
+        c_limit = build_c_limit(Path(directory))
         learners = [processes.enter_context(Learner(size.runs, size.situations)) for size in sizes]
         for repetition in range(repetitions):
-            readings = measure_jax(folder, jax)
+            readings = measure_jax(jax)
             for size, learner in zip(sizes, learners, strict=True):
                 if c_limit is not None:
                     size.c.append(measure_c_limit(c_limit, size.runs))
@@ -67,7 +66,7 @@ def measure_sizes(sizes: list[Size], repetitions: int, folder: Path, jax: Path) 
 
 
 def compared(sizes: list[Size]) -> tuple[Size, Size]:
-    """The fewest runs, and those whose memory is asked for."""
+    """Return the sizes that the memory table compares: the smallest, and MEMORY_RUNS."""
     return sizes[0], next((size for size in sizes if size.runs == MEMORY_RUNS), sizes[-1])
 
 
@@ -95,7 +94,7 @@ def compile_table(sizes: list[Size]) -> str:
 
 
 def memory_table(sizes: list[Size]) -> str:
-    """What the process takes, and what each run takes that the fewest don't have."""
+    """Return the table of memory: of the process, of each run, and of each further run."""
     few, size = compared(sizes)
     assert few.fresh is not None
     assert size.fresh is not None
@@ -117,7 +116,7 @@ def memory_table(sizes: list[Size]) -> str:
 
 
 def command_table(runs: int, repetitions: int) -> str:
-    """The whole command, with an empty cache of compiled programs and then with a full one."""
+    """Return the times of the whole command, first with an empty cache of compiled programs."""
     if not runs:
         return NOT_MEASURED
     with tempfile.TemporaryDirectory() as cache:
@@ -157,9 +156,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--command-runs", type=int, default=10_000, help="0: not the command")
     parser.add_argument("--large", action="store_true", help=f"{LARGE:,} runs too: minutes more")
-    parser.add_argument("--yardsticks", type=Path, default=FOLDER, help="where their sources are")
     parser.add_argument("--jax", type=Path, default=JAX_PYTHON, help="a Python that has JAX")
-    parser.add_argument("--write", type=Path, help="the page to write; what is by hand in it stays")
+    parser.add_argument("--write", type=Path, help="the page; its section by hand is kept")
     return parser.parse_args()
 
 
@@ -167,7 +165,7 @@ def main() -> None:
     given = arguments()
     # Fewer for the most runs, to keep the benchmark short.
     sizes = [Size(runs, given.situations or (50 if runs > 20_000 else 200)) for runs in given.runs]
-    measure_sizes(sizes, given.repetitions, given.yardsticks, given.jax)
+    measure_sizes(sizes, given.repetitions, given.jax)
     sections = {
         "machine": describe_machine(),
         "gpu": "It has no GPU, so there are no figures on one: they are still to be measured.",

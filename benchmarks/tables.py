@@ -1,4 +1,4 @@
-"""Tables in Markdown, which a terminal can show too."""
+"""Markdown tables that read well in a terminal too."""
 
 from collections.abc import Iterable, Sequence
 from statistics import median
@@ -7,7 +7,7 @@ NOT_MEASURED = "not measured"
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """The first column is text, the others are numbers."""
+    """Return a table; its first column is text, the others are numbers."""
     widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
     rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
 
@@ -20,7 +20,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def spread(values: Sequence[float]) -> str:
-    """The median, and the smallest and the largest of several."""
+    """Return the median, with the smallest and the largest value if there are several."""
     if not values:
         return NOT_MEASURED
     middle = short(median(values))
@@ -28,21 +28,21 @@ def spread(values: Sequence[float]) -> str:
 
 
 def median_of(values: Iterable[float]) -> float:
-    """0 if there are none."""
+    """Return the median, or 0 of no values."""
     return median([*values] or [0])
 
 
 def ratio(values: Sequence[float], others: Sequence[float]) -> str:
-    """Of their medians."""
+    """Return the ratio of the medians."""
     return short(median(values) / median(others)) if values and others else NOT_MEASURED
 
 
 def short(value: float) -> str:
-    """Three digits, or all before the point."""
+    """Return the number with three digits, or with all that stand before the point."""
     digits = next((n for n, bound in ((3, 1), (2, 10), (1, 100)) if value < bound), 0)
     return f"{value:,.{digits}f}"
 
 
 def in_bytes(count: float) -> str:
-    """A number of bytes."""
+    """Return a number of bytes in words: MB where it is large."""
     return f"{count:,.0f} B" if count < 1e5 else f"{count / 1e6:,.1f} MB"

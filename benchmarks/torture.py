@@ -1,9 +1,9 @@
-"""Kills jobs at random moments, writes included, and has the same command go on each time.
+"""Kills jobs at random moments, while they write too, and starts the same command again each time.
 
 python benchmarks/torture.py [--kills 25] [--seed 0]
 
-After every kill each file under its final name must be whole. At the end of each job its files must
-be those, bit for bit, of a job that nobody killed, and nothing else may be left.
+After each kill, every file under its final name must be complete. A finished job must have the same
+files, bit for bit, as a job that was never killed, and no others.
 """
 
 import argparse
@@ -32,8 +32,8 @@ from fnnq_torchrl.training.resume.saved import FORMAT
 from fnnq_torchrl.training.weights import load_checkpoint
 
 EVERY_S = 0.05
-ANY_MOMENT = 0.3  # share of the kills that come at any moment, importing and the end included
-MOST_SAVES = 8  # of one start, before it is killed otherwise
+ANY_MOMENT = 0.3  # share of the kills at any moment, from the imports to the end
+MOST_SAVES = 8  # that one start may make before it is killed
 LONGEST_S = 600
 LOOK_S = 0.001
 SITUATIONS = 1000
@@ -50,7 +50,7 @@ SAME = ("checkpoint.pt", "evaluations.csv", "learning_curve.png", "learning_curv
 
 
 def learned(path: Path) -> int:
-    """Situations that whoever goes on from a saved training needn't learn from again."""
+    """Return the number of situations that a saved training has learned from."""
     ledger = read_plain(path, FORMAT, "a saved training")["ledger"]
     done = ledger["learned"][ledger["learned"] == SITUATIONS].sum()
     return int(done + sum(state["situations"].sum() for _, state in ledger["hands"]))
@@ -78,7 +78,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 def check_whole(directory: Path) -> int:
-    """Read every file under a final name, and count those of hidden temporary files."""
+    """Read every file that has its final name; return the number of temporary files."""
     temporary = 0
     for path in sorted(directory.rglob("*")):
         if path.suffix == ".tmp":
@@ -89,7 +89,7 @@ def check_whole(directory: Path) -> int:
 
 
 def results(directory: Path) -> dict[str, object]:
-    """What must be the same in each job of a kind, by the names of the files."""
+    """Return the contents that must be the same in all jobs of a kind, by file name."""
     found: dict[str, object] = {}
     for path in sorted(directory.rglob("*")):
         name = str(path.relative_to(directory))
@@ -97,7 +97,7 @@ def results(directory: Path) -> dict[str, object]:
             found[name] = path.read_bytes()
         elif path.name == "summary.json":
             summary = json.loads(path.read_text())
-            # A job of a sweep may go on alone once the others are finished.
+            # A job of a sweep may resume alone, after the others have finished.
             found[name] = {k: v for k, v in summary.items() if k not in (*TIMES, "batch_runs")}
         elif path.is_file() and path.suffix not in (".yaml", ".log") and path.name != "summary.csv":
             raise ValueError(f"{path} was left")
@@ -122,7 +122,7 @@ def saved_in(directory: Path) -> Sequence[Path]:
 
 
 def saved_at(directory: Path) -> float:
-    """When the last save was, in seconds of the clock on the wall; 0 if there is none."""
+    """Return the time of the last save in seconds since the epoch; 0 if there is none."""
     times = []
     for path in saved_in(directory):
         try:
@@ -144,7 +144,7 @@ def wait_for(moment: Callable[[], bool], process: subprocess.Popen[str], longest
 
 @dataclass(frozen=True)
 class Reference:
-    """What a job that nobody killed has left, and how long it took."""
+    """The files of a job that was never killed, and the seconds that it took."""
 
     results: dict[str, object]
     seconds: float
@@ -161,8 +161,8 @@ def run_reference(kind: str, directory: Path) -> Reference:
 @dataclass
 class Tally:
     kills: int = 0
-    amid_writing: int = 0  # a temporary file was there
-    went_on: int = 0  # from a saved training
+    while_writing: int = 0  # a temporary file was there
+    resumed: int = 0  # starts from a saved training
     finished: int = 0
     lost_s: list[float] = field(default_factory=list)
 
@@ -170,14 +170,14 @@ class Tally:
 def torture(
     kind: str, directory: Path, reference: Reference, rng: random.Random, most: int
 ) -> Tally:
-    """Start a job and kill it, so often at most, until it is finished."""
+    """Start a job and kill it, at most so often, until it has finished."""
     tally, done = Tally(), 0
     while True:
         process, since = start(kind, directory), time.time()
         if tally.kills < most:
             if rng.random() < ANY_MOMENT:
                 wait_for(lambda: False, process, rng.uniform(0, reference.seconds))
-            else:  # amid learning
+            else:  # while it learns
                 for _ in range(rng.randint(1, MOST_SAVES)):
                     wait_for(partial(saved_since, directory, since), process, LONGEST_S)
                     since = saved_at(directory)
@@ -187,7 +187,7 @@ def torture(
             process.send_signal(signal.SIGKILL)
             killed_at = time.time()
         _, stderr = process.communicate(timeout=LONGEST_S)
-        tally.went_on += "going on from" in stderr
+        tally.resumed += "going on from" in stderr
         temporary = check_whole(directory)
         if process.returncode == 0:
             tally.finished = 1
@@ -197,7 +197,7 @@ def torture(
         if process.returncode != -signal.SIGKILL:
             sys.exit(f"{kind}: exit status {process.returncode}: {stderr}")
         tally.kills += 1
-        tally.amid_writing += temporary > 0
+        tally.while_writing += temporary > 0
         if saved := saved_in(directory):
             tally.lost_s.append(killed_at - saved_at(directory))
             now = max(map(learned, saved))
@@ -220,16 +220,16 @@ def main() -> None:
         while (left := arguments.kills - sum(tally.kills for tally in tallies)) > 0:
             kind = list(KINDS)[len(tallies) % len(KINDS)]
             directory = Path(folder, f"{kind}_{len(tallies)}")
-            # Some kills each, so that jobs of both kinds come to their end.
+            # A few kills each, so that jobs of both kinds finish.
             share = min(left, rng.randint(2, 7))
             tallies.append(torture(kind, directory, references[kind], rng, share))
     lost = [second for tally in tallies for second in tally.lost_s]
     print(
         f"{sum(tally.kills for tally in tallies)} kills, "
-        f"{sum(tally.amid_writing for tally in tallies)} of them amid writing; "
-        f"{sum(tally.went_on for tally in tallies)} starts went on from a saved training; "
-        f"{sum(tally.finished for tally in tallies)} jobs and sweeps came to the same end, "
-        "bit for bit; no half file, nothing left over."
+        f"{sum(tally.while_writing for tally in tallies)} of them while writing; "
+        f"{sum(tally.resumed for tally in tallies)} starts resumed a saved training; "
+        f"{sum(tally.finished for tally in tallies)} jobs and sweeps finished with the same files, "
+        "bit for bit; no incomplete file, no file left over."
     )
     if lost:  # a job may be killed before its first save
         print(f"Age of the last save: median {median(lost):.2f} s, at most {max(lost):.2f} s")

@@ -1,4 +1,4 @@
-"""Runs a command and watches how long it takes and how much memory."""
+"""Runs a command and measures its time and memory."""
 
 import os
 import subprocess
@@ -18,16 +18,16 @@ class Finished:
 
 
 def run_watched(command: Sequence[str], environment: Mapping[str, str] | None = None) -> Finished:
-    """Run a command to its end.
+    """Run a command and wait for its end.
 
-    Its memory is looked at while it runs, since getrusage counts what its parent held as well.
+    Its memory is read while it runs, since getrusage counts that of its parent too.
 
     Args:
         command: the program and its arguments.
         environment: variables to set besides our own.
 
     Raises:
-        CalledProcessError: it failed; what it said on stderr is a note of the error.
+        CalledProcessError: it failed; its stderr is added as a note.
     """
     start, peak = time.perf_counter(), 0
     with subprocess.Popen(
@@ -53,7 +53,7 @@ def run_watched(command: Sequence[str], environment: Mapping[str, str] | None = 
 
 
 def memory_bytes(entry: str, process: int | str = "self") -> int:
-    """``VmRSS``, what is resident, or ``VmHWM``, the most that was; 0 if that can't be known."""
+    """Return ``VmRSS``, the resident memory, or ``VmHWM``, its peak; 0 where there is no /proc."""
     try:
         lines = Path(f"/proc/{process}/status").read_text().splitlines()
     except OSError:

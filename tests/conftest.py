@@ -1,4 +1,4 @@
-"""How torch and hypothesis run here."""
+"""Settings of torch and hypothesis, and fixtures, for all tests."""
 
 import os
 import signal
@@ -18,14 +18,16 @@ if TYPE_CHECKING:
     from fnnq_torchrl.studies.experiments import Experiment
 
 # The first call of a torch operation can take seconds, so no example has a deadline.
-settings.register_profile("here", deadline=None, derandomize="CI" in os.environ, print_blob=True)
+settings.register_profile(
+    "here", max_examples=50, deadline=None, derandomize="CI" in os.environ, print_blob=True
+)
 settings.register_profile("long", settings.get_profile("here"), max_examples=5000)  # make fuzz
 settings.load_profile("here")
 
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Compiled programs are kept for this session alone, and shared by its workers."""
+    """Keep compiled programs for this session, shared by its workers."""
     session = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         session = session.parent
@@ -37,7 +39,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture
 def usual_signals() -> Iterator[None]:
-    """Signals as a process has them in a terminal, however the tests were started."""
+    """Set signals as a process in a terminal has them, and restore them afterwards."""
     usual = {"SIGINT": signal.default_int_handler}
     names = [name for name in ("SIGINT", "SIGTERM", "SIGUSR1", "SIGUSR2") if hasattr(signal, name)]
     before = {
@@ -51,19 +53,19 @@ def usual_signals() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def compiler() -> None:
-    """Only where there is a C++ compiler."""
+    """Skip the test where there is no C++ compiler."""
     from fnnq_torchrl.engine.native import compiler_found
 
     if not compiler_found():
         pytest.skip("needs a C++ compiler")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # torch 2.13 still uses what it has deprecated itself
+        warnings.simplefilter("ignore")  # torch 2.13 uses functions that it has deprecated
         import torch._inductor.compile_fx  # noqa: F401
 
 
 @pytest.fixture(scope="session", autouse=True)
-def impatient() -> Iterator[None]:
-    """Nobody waits for the disk: no test is about a power failure."""
+def no_fsync() -> Iterator[None]:
+    """Don't wait for the disk: no test is about a power failure."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda file: None)
         yield
@@ -71,7 +73,7 @@ def impatient() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Invented results of all experiments, as below ``outputs``: of 110 runs where large, or 12."""
+    """Invented results of all experiments: 110 runs of the large ones, 12 of the others."""
     from .experiment_files import EXPERIMENTS, paper_level, write_experiment
 
     root = tmp_path_factory.mktemp("outputs")
@@ -83,7 +85,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def experiments(results: Path) -> "dict[str, Experiment]":
-    """The same, read."""
+    """The results of the fixture above, read."""
     from fnnq_torchrl.studies.experiments import newest_experiment
 
     return {path.name: newest_experiment(results, path.name) for path in results.iterdir()}

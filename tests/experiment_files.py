@@ -1,4 +1,4 @@
-"""Result files of experiments that were never run, for figures and the reproduction's page."""
+"""Invented result files of experiments, for the figures and pages."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -15,7 +15,7 @@ from fnnq_torchrl.training.results import Evaluations, write_evaluations
 
 Settings = dict[str, Any]
 Level = Callable[[Settings], float]
-"""The score, of 5, at which the runs of a job with these settings end up."""
+"""The final score, of 5, of runs with given settings."""
 
 
 @cache
@@ -39,7 +39,7 @@ def _settings(overrides: tuple[str, ...], runs: int) -> Settings:
 
 
 def invented(settings: Settings, level: float) -> Evaluations:
-    """Runs that rise to a level of score, each with chances of its own."""
+    """Return runs whose scores rise to a level; each run has its own random numbers."""
     runs, every = settings["num_seeds"], settings["evaluation"]["every"]
     situations = every * np.arange(settings["situations"] // every + 1)
     rng = np.random.default_rng([runs, int(1000 * level)])
@@ -60,7 +60,7 @@ def invented(settings: Settings, level: float) -> Evaluations:
 def write_experiment(
     sweep: Path, jobs: list[tuple[str, ...]], level: Level, runs: int = 22
 ) -> None:
-    """A sweep's directory with a job for each tuple of overrides."""
+    """Write a sweep's directory with a job for each tuple of overrides."""
     for number, overrides in enumerate(jobs):
         settings = _settings(overrides, runs)
         directory = sweep / str(number)
@@ -72,7 +72,7 @@ def write_experiment(
 
 
 def grid(values: Mapping[str, str], *common: str) -> list[tuple[str, ...]]:
-    """All combinations of the keys' values, which are separated by commas."""
+    """Return all combinations of the keys' values, which are separated by commas."""
     sweeps = [[f"{key}={value}" for value in text.split(",")] for key, text in values.items()]
     return [(*common, *job) for job in product(*sweeps)]
 
@@ -121,7 +121,7 @@ EXPERIMENTS |= {
 
 
 def paper_level(settings: Settings) -> float:
-    """As the paper has it: λ = 0.2 is best, and the more beyond it, the worse."""
+    """Return the score as in the paper: λ = 0.2 is best, and larger values are worse."""
     lam = settings["lam"]
     if settings["trace"] != "output":
         return 3.7 - 0.8 * lam

@@ -1,4 +1,4 @@
-"""Result files of the two experiments about extrapolation, of runs that never learned."""
+"""Invented result files of the two experiments about extrapolation."""
 
 import json
 from collections.abc import Sequence
@@ -25,13 +25,13 @@ ON_ONE_SIDE = ("env=follow_one_side", "env.switch_side_after=200", "env.other_vi
 
 @cache
 def extrapolating(*overrides: str) -> Config:
-    """A configuration of the experiment, in the small world."""
+    """Return a configuration of the experiment in the small world."""
     common = (f"num_seeds={RUNS}", "situations=400", *ON_ONE_SIDE, *SMALL_WORLD)
     return load_config(*common, *overrides)
 
 
 def write_job(directory: Path, config: Config, level: float) -> None:
-    """A finished job: its configuration, and invented evaluations."""
+    """Write a finished job: its configuration and invented evaluations."""
     settings = asdict(config)
     (directory / ".hydra").mkdir(parents=True)
     (directory / ".hydra" / "config.yaml").write_text(json.dumps(settings))
@@ -40,7 +40,7 @@ def write_job(directory: Path, config: Config, level: float) -> None:
 
 
 def write_snapshots(directory: Path, config: Config) -> None:
-    """Weights that start as they do, and wander from there."""
+    """Write snapshots that begin with the network's own start and change at random."""
     candidates = make_candidates(config)
     seed = torch.arange(RUNS)
     start = make_value_network(config.value, candidates, 1).start(seed.unsqueeze(-1))
@@ -55,7 +55,7 @@ def write_snapshots(directory: Path, config: Config) -> None:
 
 
 def write_results(root: Path, kinds: Sequence[str]) -> None:
-    """Both experiments of these value functions, α = 0.1 being the best of 0.05, 0.1, 0.2."""
+    """Write both experiments of these value functions; α = 0.1 is the best of 0.05, 0.1, 0.2."""
     for number, kind in enumerate(kinds):
         config = extrapolating(f"value={kind}", "alpha=0.1")
         for place, decay in enumerate((config.alpha_decay, 1.0)):

@@ -1,4 +1,4 @@
-"""The files of a job that was never run, for the loggers, which read nothing else."""
+"""Invented files of a finished job, as the loggers read them."""
 
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -21,7 +21,7 @@ from .experiment_files import invented
 
 
 def keys_read(schema: type, monkeypatch: pytest.MonkeyPatch) -> set[str]:
-    """The keys of a schema that are read from now on, as they are read."""
+    """Return a set that collects the keys of a schema that are read from now on."""
     keys = set()
 
     def recording(self: object, name: str) -> object:
@@ -34,7 +34,7 @@ def keys_read(schema: type, monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
 
 def write_job(directory: Path, *overrides: str, sweep: Path | None = None) -> Job:
-    """A finished job with these overrides; its picture is one colour."""
+    """Write the files of a finished job with these overrides; its picture is one colour."""
     job = Job(load_config("situations=40", *overrides), directory, sweep)
     directory.mkdir(parents=True, exist_ok=True)
     evaluations = invented(asdict(job.config), 4.0)

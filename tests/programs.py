@@ -21,11 +21,11 @@ from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.resume.saved import SavedTraining
 
 SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
-"""Every situation is over after 10 to 14 steps, some by a catch and some by a miss."""
+"""Every situation ends after 10 to 14 steps, some by a catch and some by a miss."""
 
 
 def make_runs(config: Config, count: int, **columns: float | Tensor) -> TensorDict:
-    """Runs of different seeds with the configuration's values, or the given ones, ``[count]``."""
+    """Return runs of different seeds, ``[count]``, with the given or the configuration's values."""
     whole = {"seed": torch.arange(count), "situations": config.situations}
     values = {key: getattr(config, key) for key in PER_RUN} | whole
     dtype = getattr(torch, config.machine.dtype)
@@ -37,14 +37,14 @@ def make_runs(config: Config, count: int, **columns: float | Tensor) -> TensorDi
 
 
 def in_lanes(runs: Values) -> Values:
-    """The same runs, the last repeated, on as few whole lanes as will do."""
+    """Return the runs with the last one repeated, so that they fill whole lanes."""
     return repeat_last(runs, -(-len(runs) // LANES) * LANES)
 
 
 def make_learner(
     config: Config, run: TensorDictBase, network: ValueNetwork | None = None
 ) -> Learner:
-    """A learner of the configuration's world for these runs, by default on its own network."""
+    """Return a learner for these runs, by default with the configuration's network."""
     dtype = getattr(torch, config.machine.dtype)
     candidates = make_candidates(config, dtype)
     return Learner(
@@ -59,13 +59,13 @@ def make_learner(
 
 
 def saved_training(directory: Path, config: Config) -> SavedTraining:
-    """The file of a job's training in a directory."""
+    """Return the saved training of a job in a directory."""
     return SavedTraining(Batch([Job(config, directory)]))
 
 
 @torch.no_grad()
 def advance(learner: Learner, run: TensorDictBase, steps: int) -> TensorDict:
-    """The state after so many steps."""
+    """Return the state after so many steps."""
     state = learner.begin(run)
     for _ in range(steps):
         state = learner.step(run, state)
@@ -74,5 +74,5 @@ def advance(learner: Learner, run: TensorDictBase, steps: int) -> TensorDict:
 
 @cache
 def config(*overrides: str) -> Config:
-    """The default configuration in the small world."""
+    """Return the default configuration in the small world."""
     return load_config(*SMALL_WORLD, *overrides)

@@ -1,4 +1,4 @@
-"""What the comparison with other learners rests on: the same test, the same actions, true words."""
+"""The comparison with other learners: the same test, the same actions, and true conclusions."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ SEED = 3
 
 
 class AsPeer(nn.Module):
-    """One run's network as the peers have theirs: from bearings to the candidates' values."""
+    """One run's network in the peers' form: it maps bearings to the candidates' values."""
 
     def __init__(self, network: ValueNetwork) -> None:
         super().__init__()
@@ -42,12 +42,12 @@ class AsPeer(nn.Module):
 
 
 def test_peers_are_tested_as_ours_are():
-    """Of the same networks, the scores are those that ours would have in evaluations.csv."""
+    """The peers' test gives a network the score that evaluations.csv would have."""
     config = load_config("situations=50", f"seed={SEED}", "engine=eager")
     trainer = Trainer.of(config)
     candidates = torch.linspace(-1, 1, config.action.candidates)
     weights = trainer.ledger.book.pages["weights", "weight"].detach()
-    weights.normal_(generator=torch.Generator().manual_seed(SEED))  # any will do
+    weights.normal_(generator=torch.Generator().manual_seed(SEED))  # arbitrary weights
     networks = []
     for weight in weights:
         network = make_value_network(config.value, candidates, runs=1)
@@ -55,7 +55,7 @@ def test_peers_are_tested_as_ours_are():
         networks.append(AsPeer(network))
     trainer.ledger.learned.fill_(config.situations)
     ours = trainer.evaluate().catches[0].tolist()
-    assert len(set(ours)) > 2  # nothing is shown by policies that never catch
+    assert len(set(ours)) > 2  # policies that never catch would show nothing
     assert score(networks, SEED, config) == ours
 
 
@@ -95,7 +95,7 @@ def test_enough_situations_for_the_steps():
 
 
 def runs_of(score: int, count: int, **other: object) -> list[Run]:
-    """Of 1,200 steps; every other catches one more."""
+    """Return runs of 1,200 steps; every second one catches one more."""
     steps = moments(1_200)
     some = [min(5, score + run % 2) for run in range(count)]
     return [

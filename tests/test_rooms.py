@@ -26,9 +26,9 @@ ROOMS = [
     {"fnnq_torchrl.studies"},
     {"fnnq_torchrl"},
 ]
-"""From the ground up. Those on one floor don't know each other; the top has the commands."""
+"""From the bottom up. Rooms in one set don't import each other; the last has the commands."""
 
-# Who may import a library that is slow to load, or belongs at the edge.
+# The only places that may import a library that is slow to load or belongs at the edge.
 ONLY_IN = {
     "gymnasium": ["envs.gymnasium"],
     "hydra": ["fnnq_torchrl.launch", "hydra_plugins"],
@@ -39,7 +39,7 @@ ONLY_IN = {
     "wandb": ["fnnq_torchrl.training.loggers"],
 }
 
-# Of an extra, and imported only where a user asks for it.
+# Libraries of an extra, imported only if the user asks for them.
 OPTIONAL = {"PIL", "gymnasium", "mlflow", "submitit", "wandb"}
 
 PACKAGES = ("envs", "fnnq_torchrl", "hydra_plugins")
@@ -71,9 +71,9 @@ def floor(module: str) -> int:
 
 
 def imports(module: str) -> set[str]:
-    """Every name that the module's file imports, at its top or later: modules and what is in them.
+    """Return every name that the module imports, at its top or in a function.
 
-    `from a.b import c` counts as a.b.c, since c may be a module; `own` tells which it is.
+    `from a.b import c` counts as a.b.c, since c may be a module; `own` finds out.
     """
     package = module if FILES[module].name == "__init__.py" else module.rpartition(".")[0]
     names = set()
@@ -87,7 +87,7 @@ def imports(module: str) -> set[str]:
 
 
 def own(name: str) -> str | None:
-    """The module of ours that an imported name lies in, or None."""
+    """Return the module of ours that has an imported name, or None."""
     while name and name not in FILES:
         name = name.rpartition(".")[0]
     return name or None

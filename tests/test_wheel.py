@@ -1,4 +1,4 @@
-"""What a user gets who has the wheel and no checkout."""
+"""The wheel, as a user without a checkout installs it."""
 
 import os
 import subprocess
@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def run(*command: str | Path, cwd: Path) -> str:
-    """What a command prints that sees nothing of this checkout."""
+    """Run a command without this checkout on its path, and return its output."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     return subprocess.run(
         command, cwd=cwd, env=environment, check=True, stdout=subprocess.PIPE, text=True
@@ -49,7 +49,7 @@ def test_holds_the_packages_and_the_configuration(wheel: Path) -> None:
 
 
 def needed(requirements: list[str]) -> Iterator[Distribution]:
-    """The installed distributions that requirements ask for, and those that these ask for."""
+    """Yield the installed distributions that requirements need, directly or indirectly."""
     known, names = set(), [*requirements]
     while names:
         requirement = Requirement(names.pop())
@@ -71,7 +71,7 @@ def needed(requirements: list[str]) -> Iterator[Distribution]:
 def test_trains_from_another_directory_with_its_declared_dependencies_alone(
     wheel: Path, tmp_path: Path
 ) -> None:
-    """In an environment of links to what the wheel asks for, which pip finds enough."""
+    """The environment has links to the wheel's dependencies only, and pip finds none missing."""
     venv.create(tmp_path / "empty", symlinks=True, with_pip=False)
     (site,) = (tmp_path / "empty").glob("lib/python*/site-packages")
     metadata = next(name for name in zipfile.ZipFile(wheel).namelist() if "METADATA" in name)

@@ -1,1 +1,1 @@
-"""Peers on the same task: deep Q-networks of TorchRL and of Stable-Baselines3, beside ours."""
+"""Compares our learner with the deep Q-networks of TorchRL and of Stable-Baselines3."""

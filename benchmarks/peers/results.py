@@ -1,4 +1,4 @@
-"""All runs of a comparison, by learner, and the file that keeps them."""
+"""The runs of a comparison by learner, and the file that keeps them."""
 
 import json
 from collections.abc import Mapping

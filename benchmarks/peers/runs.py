@@ -66,6 +66,6 @@ def side_by_side(commands: Iterable[Command]) -> Iterator[list[Run]]:
 def _runs(command: Command, environment: dict[str, str]) -> list[Run]:
     finished = run_watched(command, environment)
     print(f"{finished.seconds:5.0f} s  {' '.join(command[1:])}", file=sys.stderr, flush=True)
-    # TorchRL logs to stdout.
+    # TorchRL logs to stdout too.
     lines = [line for line in finished.output.splitlines() if line.startswith("{")]
     return [Run.from_line(line) for line in lines]

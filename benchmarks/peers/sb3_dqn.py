@@ -1,4 +1,4 @@
-"""Stable-Baselines3's DQN, through Gymnasium; runs in an environment of its own.
+"""Trains Stable-Baselines3's DQN through Gymnasium, in a virtual environment of its own.
 
 python -m benchmarks.peers.sb3_dqn --seed 0 --steps 12000 --learning-rate 1e-3
 """

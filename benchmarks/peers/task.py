@@ -65,13 +65,13 @@ class WorldClock:
 def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]:
     """Return the number of the test's situations that each network's greedy policy ends in a catch.
 
-    Played side by side, all networks and situations, with the random numbers of
+    All networks play all situations side by side, with the random numbers of
     `fnnq_torchrl.training.evaluation`.
 
     Args:
-        networks: of the evaluations in turn; each takes bearings ``[n, 1]`` to the values of the
+        networks: one for each evaluation; each maps bearings ``[n, 1]`` to the values of the
             candidates, ``[n, candidates]``.
-        seed: the run's.
+        seed: of the run.
         config: has the world, the test and the number of candidates.
     """
     tests = torch.tensor(config.evaluation.situations)

@@ -1,4 +1,4 @@
-"""TorchRL's DQN, of its own loss, collector, replay buffer and exploration.
+"""Trains TorchRL's DQN, with its own loss, collector, replay buffer and exploration.
 
 python -m benchmarks.peers.torchrl_dqn --seed 0 --steps 12000 --learning-rate 1e-3
 """
@@ -21,14 +21,14 @@ from .task import EVERY, Diary, WorldClock, score, task
 
 
 class EvenActions(ActionDiscretizer):
-    """The candidates by their index, both ends of the range among them."""
+    """Numbers the candidates evenly over the range, both ends included."""
 
     def custom_arange(self, nint: int, device: torch.device | None) -> Tensor:
         return torch.linspace(0, 1, nint, device=device)
 
 
 def discrete(world: FollowBall, candidates: int) -> TransformedEnv:
-    """The world with the indices of the candidates for actions."""
+    """Return the world with indices of candidates as actions."""
     scalar = SqueezeTransform(-1, in_keys=[], in_keys_inv=["action"])
     return TransformedEnv(world, Compose(InitTracker(), scalar, EvenActions(candidates)))
 
@@ -41,7 +41,7 @@ def learned_from(collected: TensorDictBase) -> TensorDictBase:
 
 def learn(settings: Settings, seed: int, steps: int) -> Run:
     config = task()
-    torch.manual_seed(seed)  # of weights, exploration and samples; the world's is its own
+    torch.manual_seed(seed)  # for weights, exploration and samples; the world has its own
     world = FollowBall(config.env, seed=seed)
     clock = WorldClock(world)
     env = discrete(world, config.action.candidates)

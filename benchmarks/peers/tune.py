@@ -23,7 +23,7 @@ TUNING = FOLDER / "tuning.csv"
 COLUMNS = ["peer", "learning_rate", "seed", "mean_score"]
 
 Scores = Mapping[str, Mapping[float, list[float]]]
-"""The mean scores by peer and learning rate."""
+"""The runs' mean scores by peer and learning rate."""
 
 
 def read_tuning() -> Scores:

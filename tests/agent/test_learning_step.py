@@ -16,13 +16,13 @@ from tests.oracles.q_lambdas import q_lambda
 from tests.oracles.random_mdp import ACTIONS, STATES, RandomMDP, Walk
 from tests.programs import advance, config, make_learner, make_runs
 
-CRISP = 0.01  # the labels' width, where places and actions are 1 apart: all other memberships are 0
+CRISP = 0.01  # width of labels that are 1 apart, so that all other memberships are 0
 STEPS = 150
 
 
 @pytest.fixture(scope="module")
 def mdp_runs() -> TensorDict:
-    """Runs that differ in everything, with every λ three times at each end of the ε scale."""
+    """Runs that differ in every value; each λ comes three times with small and with large ε."""
     generator = torch.Generator().manual_seed(1)
     lam = torch.tensor([0.0, 0.2, 0.8, 1.0]).double().repeat(6)
     runs = len(lam)
@@ -62,13 +62,13 @@ def mdp_learner(runs: int, rule: Rule, step_size: str = "decay") -> Learner:
 
 
 def own_values(runs: TensorDict, i: int) -> dict[str, float]:
-    """What a learner in plain Python takes: when to stop is for others to say."""
+    """Return the arguments of a learner in plain Python."""
     return {key: runs[key][i].item() for key in set(runs.keys()) - {"situations"}}
 
 
 @pytest.fixture(scope="module")
 def tables(mdp_runs: TensorDict) -> dict[str, torch.Tensor]:
-    """What the plain-Python learners have after every step: ``[runs, STEPS, …]``."""
+    """Return the plain-Python learners' values after every step, ``[runs, STEPS, …]``."""
     histories = []
     for i in range(len(mdp_runs)):
         values = own_values(mdp_runs, i)
@@ -147,7 +147,7 @@ def test_with_crisp_labels_every_step_size_is_the_tabular_one(
 
 @torch.no_grad()
 def test_no_two_q_lambdas_are_the_same() -> None:
-    """On labels that overlap, where the readings differ too."""
+    """The labels overlap, so the readings of the trace differ too."""
     settings = config("machine.dtype=float64", "lam=0.7", "epsilon=0.3")
     run = make_runs(settings, 8)
     weights = {}
@@ -193,7 +193,7 @@ def test_without_lambda_every_q_lambda_is_q_learning(
 
 
 def test_the_table_has_learned_something(tables: dict[str, torch.Tensor]) -> None:
-    # Else the test above would compare zeros.
+    # Otherwise the test above would compare zeros.
     assert (tables["q"][:, -1].abs() > 1e-3).sum(dim=(-1, -2)).min() >= 3
     assert (tables["trace"].abs() > 1e-3).any()
     assert (tables["alpha"][:, -1] < tables["alpha"][:, 0]).all()
@@ -211,7 +211,7 @@ def test_every_value_of_a_run_acts_on_that_run_alone(exploration: str) -> None:
     changed = base.clone()
     amount = EXPLORATIONS[exploration]
     for key in AMOUNTS.keys() - {amount} | {"kappa"}:
-        changed[key] += 0.1  # is another policy's, or another step size's
+        changed[key] += 0.1  # of another policy or step size
     for lane, (key, value) in enumerate((CHANGES | {amount: AMOUNTS[amount]}).items()):
         changed[key][lane] = value
     learner = make_learner(settings, base)
@@ -268,7 +268,7 @@ def test_a_run_whose_values_leave_all_bounds_has_diverged_and_stops_counting() -
     assert bound == 100  # of the largest return, a catch
     for i, weight in enumerate((0.99 * bound, -1.01 * bound, torch.nan, 1.01 * bound)):
         state["weights", "weight"][i] = weight
-    state["over"][3] = True  # what becomes of it is nobody's business
+    state["over"][3] = True  # its values no longer count
     first = learner.step(run, state)
     assert first["diverged"].squeeze(-1).tolist() == [False, True, True, False]
     assert first["over"].squeeze(-1).tolist() == [False, True, True, False]
@@ -301,7 +301,7 @@ def test_no_two_entries_of_the_first_state_share_memory() -> None:
 )
 @torch.no_grad()
 def test_a_step_traced_is_the_step(options: tuple[str, ...]) -> None:
-    """What a compiled loop is made of: a graph from plain tensors to plain tensors."""
+    """The graph that a compiled loop is made of maps plain tensors to plain tensors."""
     settings = config("machine.dtype=float64", *options)
     run = make_runs(settings, 3)
     learner = make_learner(settings, run)

@@ -40,7 +40,7 @@ def fnn(runs: int = RUNS) -> ValueNetwork:
 
 
 class Perceptron(ValueNetwork):
-    """Another value network altogether: one hidden layer, and each run has its own weights."""
+    """A value network with one hidden layer, and with weights of each run's own."""
 
     def __init__(self, runs: int = RUNS, hidden: int = 6) -> None:
         super().__init__(["bearing"], CANDIDATES)
@@ -58,7 +58,7 @@ class Perceptron(ValueNetwork):
 
 
 def plain_perceptron(hidden: Tensor, bias: Tensor, output: Tensor, s: Tensor, a: Tensor) -> Tensor:
-    """The same for one run, one state and one action."""
+    """Return the perceptron's value for one run, one state and one action, in plain Python."""
     return torch.tanh(torch.stack([s, a]) @ hidden + bias) @ output
 
 
@@ -67,7 +67,7 @@ NETWORKS = pytest.mark.parametrize("make_network", [fnn, Perceptron])
 
 @pytest.fixture(scope="module")
 def episodes() -> TensorDict:
-    """Some real episodes of each run, ``[RUNS, STEPS]``, catches and misses among them."""
+    """Return episodes of each run, ``[RUNS, STEPS]``, with catches and misses."""
     env = FollowBall(config().env, [RUNS], seed=2, dtype=torch.float64)
     policy = EpsilonGreedyPolicy(fill(fnn()), 0.3)
     with torch.no_grad():
@@ -80,7 +80,7 @@ def episodes() -> TensorDict:
 
 
 def seen_by(network: ValueNetwork, history: TensorDict) -> TensorDict:
-    """The same history with the action values that a policy of this network would have written."""
+    """Return the history with the action values that a policy of this network would write."""
     with torch.no_grad():
         return history.clone().set("action_value", network.values_in(history))
 
@@ -88,7 +88,7 @@ def seen_by(network: ValueNetwork, history: TensorDict) -> TensorDict:
 def torchrl_gradient(
     network: ValueNetwork, history: TensorDict, estimator: ValueEstimators, **kwargs: float
 ) -> dict[str, Tensor]:
-    """Σ(G − Q)∇Q of every run, from TorchRL's own loss Σ(G − Q)², by the weights' names."""
+    """Return Σ(G − Q)∇Q of every run, from TorchRL's own loss Σ(G − Q)², by the weights' names."""
 
     class AllCandidates(nn.Module):
         def __init__(self) -> None:
@@ -231,7 +231,7 @@ def test_after_step_h_the_trace_networks_output_has_risen_by_exactly_one(
     trace.trace = {"weight": fill(fnn(1), seed + 1).weight.detach()}
 
     def output() -> Tensor:
-        """Of a network like the one for Q, with the trace for its weights."""
+        """Return the output of a network like that for Q, with the trace as its weights."""
         weights = {"weight": trace.trace["weight"]}
         return torch.func.functional_call(
             network, weights, (batch["bearing"],), {"action": batch["action"]}

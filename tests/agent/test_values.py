@@ -28,7 +28,7 @@ from tests.programs import SMALL_WORLD, advance, config, in_lanes, make_learner,
 CANDIDATES = torch.linspace(-1, 1, 21, dtype=torch.float64)
 RUNS = 3
 SMALL = {"mlp": ["value.widths=[6]"], "tiles": ["value.tilings=4", "value.tiles=3"]}
-"""For the kinds that are large otherwise."""
+"""Overrides for the kinds that are large by default."""
 
 IN_DOUBLE = ("alpha=0.1", "machine.dtype=float64")
 
@@ -40,7 +40,7 @@ numbers = st.integers(-200, 200).map(lambda n: n / 101)  # on no border but at 0
 
 @cache
 def make(kind: str, *overrides: str) -> ValueNetwork:
-    """A network with random weights."""
+    """Return a network with random weights."""
     network = make_value_network(load_config(f"value={kind}", *overrides).value, CANDIDATES, RUNS)
     generator = torch.Generator().manual_seed(0)
     with torch.no_grad():
@@ -50,7 +50,7 @@ def make(kind: str, *overrides: str) -> ValueNetwork:
 
 
 def q_of(network: ValueNetwork, bearing: float, action: float) -> list[float]:
-    """Q(s, a) of each run."""
+    """Return Q(s, a) of each run."""
     s, a = (torch.full((RUNS, 1), x, dtype=torch.float64) for x in (bearing, action))
     return network(s, action=a).squeeze(-1).tolist()
 
@@ -62,7 +62,7 @@ def weights_of(network: ValueNetwork, run: int) -> dict[str, list]:
 def by_labels(
     oracle: Callable[..., float], network: ValueNetwork, bearing: float, action: float
 ) -> list[float]:
-    """What plain Python makes of each run's weights and the default labels."""
+    """Return each run's value in plain Python, from its weights and the default labels."""
     labels = config().value
     where = labels.inputs["bearing"], labels.action, bearing, action
     return [oracle(weights_of(network, run)["weight"], *where) for run in range(RUNS)]
@@ -97,7 +97,7 @@ def test_a_look_up_table(bearing: float, action: float) -> None:
 
 def test_a_border_of_the_table_belongs_half_to_either_cell() -> None:
     network = make("table")
-    for run, value in enumerate(q_of(network, 0.0, 0.0)):  # amid the action labels −0.4 and 0.4
+    for run, value in enumerate(q_of(network, 0.0, 0.0)):  # between the action labels −0.4 and 0.4
         row = weights_of(network, run)["weight"][2]
         assert value == pytest.approx((row[1] + row[2]) / 2)
 
@@ -165,7 +165,7 @@ def test_a_perceptrons_start(sparsity: float, zeros: list[int]) -> None:
         assert (start[f"bias_{layer}"] == 0).all()
         assert torch.equal(weight[0], weight[2])
         assert not torch.equal(weight[0], weight[1])
-    # Of each unit others are zero, and what isn't is uniform.
+    # Each unit has zeros in places of its own; the other weights are uniform.
     weight = start["weight_1"][0]
     assert sparsity == 0 or len((weight == 0).unique(dim=0)) > 1
     drawn = weight[weight != 0] * math.sqrt(8)
@@ -223,7 +223,7 @@ def test_far_from_every_centre_radial_basis_functions_are_zero() -> None:
 
 @pytest.fixture(scope="module")
 def with_fourier(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A directory with the page's two files, and nothing else."""
+    """A directory with only the page's two files."""
     root = tmp_path_factory.mktemp("own")
     (root / "my_conf" / "value").mkdir(parents=True)
     for language, path in (("python", "fourier.py"), ("yaml", "my_conf/value/fourier.yaml")):

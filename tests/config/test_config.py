@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import asdict, replace
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -24,11 +25,11 @@ from fnnq_torchrl.launch.composition import load_config
 
 CONF = config_directory()
 FILES = {path.relative_to(CONF) for path in CONF.rglob("*") if path.is_file()}
-# Experiments are added to a configuration, the other groups have one choice each in it.
+# An experiment is added to a configuration; each other group has one choice in it.
 CHOICES = {
     path: f"{'+' * (path.parent.name == 'experiment')}{path.parent}={path.stem}"
     for path in sorted(FILES - {Path("config.yaml"), Path("action/all.yaml")})
-    if path.parent != Path("value/labels")  # which a task chooses
+    if path.parent != Path("value/labels")  # a task chooses those
 }
 
 EVERY_LOGGER = "logger=[csv,wandb,tensorboard,mlflow]"
@@ -110,6 +111,11 @@ def test_overrides_reach_their_keys():
     assert config.value.inputs == {"bearing": [[0, 1]]}
 
 
+@cache
+def plain_config(env, value):
+    return asdict(load_config(f"env={env}", f"value={value}", EVERY_LOGGER))
+
+
 @pytest.mark.parametrize(
     ("env", "value", "key"),
     [
@@ -119,8 +125,7 @@ def test_overrides_reach_their_keys():
     ],
 )
 def test_every_key_has_a_type_and_a_range(env, value, key):
-    config = load_config(f"env={env}", f"value={value}", EVERY_LOGGER)
-    values = OmegaConf.create(asdict(config))
+    values = OmegaConf.create(plain_config(env, value))
     OmegaConf.update(values, key, NONSENSE)
     with pytest.raises(ConfigError) as refused:
         to_config(values)
@@ -187,6 +192,11 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
             "evaluation.situations=[[0.1]]: must be a list of starts [angle, speed], "
             "or a whole number of random ones",
         ),
+        ("lam=", "lam=: must be a number in [0, 1]"),
+        ("lam=null", "lam=null: must be a number in [0, 1]"),
+        ("lam=true", "lam=True: must be a number in [0, 1]"),
+        ("alpha=-1", "alpha=-1.0: must be a number in [0, inf)"),
+        ("seed=-1", "seed=-1: must be a whole number >= 0"),
         ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1"),
         ("evaluation.every=3", "situations=200: must be a whole multiple of evaluation.every=3"),
         ("situations=0", "situations=0: must be a whole number >= 1"),
@@ -272,7 +282,7 @@ def test_a_step_size_brings_its_values_and_yields_to_the_users(given):
 
 @pytest.fixture
 def own_task(tmp_path):
-    """A task of a user's own on our world, as its directory of configuration."""
+    """A configuration directory with a user's own task on our world."""
     for name, text in {
         "task/mine.yaml": "# @package _global_\n"
         "defaults: [/env: follow_ball, /action: even, /evaluation: random]\n",

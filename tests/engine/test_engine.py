@@ -1,4 +1,4 @@
-"""Which engine runs a job, and what is said about it."""
+"""The choice of the engine that runs a job, and the messages about it."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ LITTLE, MUCH = load_config("situations=5"), load_config("situations=10000")
 
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
-    """Puts a program where it is found; at first there are none at all."""
+    """Installs a program on a search path that is empty at first."""
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CXX", raising=False)
     build._target.cache_clear()
@@ -55,7 +55,7 @@ def test_more_work_never_makes_it_eager_again(install: Callable[[str], Path]) ->
     names = [choose_engine(replace(LITTLE, situations=5 * 2**n), 1).name for n in range(12)]
     assert names == sorted(names, reverse=True)  # first eager, then compiled
     assert set(names) == {"eager", "compiled"}
-    # Runs side by side are as many steps: what they cost more than one run is little.
+    # Runs take their steps side by side, so many cost little more than one.
     assert choose_engine(LITTLE, 1000).name == "eager"
 
 
@@ -113,7 +113,7 @@ def four_threads() -> Iterator[None]:
 
 @pytest.mark.usefixtures("four_threads", "install")
 def test_the_threads_are_torchs_or_the_workers(install: Callable[[str], Path]) -> None:
-    """Never both: four workers whose operations wake four threads each would wait for cores."""
+    """Four workers whose operations use four threads each would wait for cores."""
     install("g++")
     eager, compiled = make_engine("eager", CPU), make_engine("compiled", CPU)
     assert (eager.workers, compiled.workers) == (1, 4)
@@ -128,7 +128,7 @@ def test_inductor_keeps_its_programs_there_too_unless_the_user_says_where(
     install: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("fnnq_torchrl.engine.inductor.InductorLoop", lambda *args: args)
-    monkeypatch.delenv("TORCHINDUCTOR_CACHE_DIR", raising=False)  # torch sets it, when it has one
+    monkeypatch.delenv("TORCHINDUCTOR_CACHE_DIR", raising=False)  # torch may have set it
     install("g++")
     make_loop = make_engine("compiled", torch.device("cuda")).make_loop
     make_loop(counting, *[TensorDict({}, [LANES])] * 2)

@@ -48,7 +48,7 @@ def test_few_lanes_are_idle(jobs: int, workers: int) -> None:
 
 @given(st.integers(1, 10**5), some_workers)
 def test_there_are_four_sizes_from_a_number_to_its_double(jobs: int, workers: int) -> None:
-    # What is compiled for one number of jobs then does for many others.
+    # So a program compiled for one number of jobs serves many others.
     units = range(jobs, 2 * jobs, max(1, jobs // 1000))
     sizes = {lanes_for(LANES * workers * n, workers, most=2**30) for n in units}
     assert len(sizes) <= 5  # both ends count
@@ -63,7 +63,7 @@ def on_threads(count: int) -> Iterator[None]:
 
 
 def learn(run: TensorDict, steps: int) -> TensorDict:
-    """The state of these runs after some steps, without padding."""
+    """Return the state of these runs after some steps, without padding."""
     lanes = in_lanes(run)
     return advance(make_learner(config(), lanes), lanes, steps)[: len(run)]
 
@@ -77,7 +77,7 @@ def assert_same_bits(state: TensorDict, other: TensorDict) -> None:
 
 @pytest.fixture(scope="module")
 def together() -> tuple[TensorDict, TensorDict]:
-    """Runs of the default configuration, and what becomes of them side by side."""
+    """Runs of the default configuration, and their state after learning side by side."""
     run = make_runs(config(), RUNS)
     return run, learn(run, STEPS)
 
@@ -89,7 +89,7 @@ def test_alone_or_in_a_batch(together: tuple[TensorDict, TensorDict]) -> None:
 
 def test_among_runs_of_other_configurations(together: tuple[TensorDict, TensorDict]) -> None:
     run, state = together
-    count = 75  # so many that the lanes are not the same either
+    count = 75  # enough to change the lanes too
     others = make_runs(
         config(),
         count,
@@ -105,7 +105,7 @@ def test_among_runs_of_other_configurations(together: tuple[TensorDict, TensorDi
     assert_same_bits(mixed[order.argsort()[:RUNS]], state)
 
 
-@pytest.mark.parametrize(("runs", "threads"), [(RUNS, 2), (50, 3), (2000, 2), (2000, 3)])
+@pytest.mark.parametrize(("runs", "threads"), [(50, 3), (600, 2)])
 def test_on_any_number_of_threads(runs: int, threads: int) -> None:
     # From about 400 runs on there is enough work in an operation for torch to share it out.
     run = make_runs(config(), runs)

@@ -1,4 +1,4 @@
-"""Many jobs on few lanes, with jobs of which everything is known beforehand."""
+"""Many jobs on few lanes; the result of each job is known in advance."""
 
 from collections.abc import Sequence
 from threading import Barrier, Event
@@ -20,7 +20,7 @@ some_workers = st.integers(1, 4)
 
 
 class AnyLanes(EagerLoop):
-    """A loop that takes any number of lanes, as its step does."""
+    """A loop that accepts any number of lanes, as its step does."""
 
     any_lanes = True
 
@@ -30,7 +30,7 @@ class AnyLanes(EagerLoop):
 
 
 class Collatz:
-    """Job j iterates x ← x/2 or 3x + 1 + j, from 27 + j on, as often as its length says."""
+    """Job j begins with x = 27 + j and repeats x ← x/2 or 3x + 1 + j as often as its length."""
 
     def __init__(self, lengths: Sequence[int]) -> None:
         self.lengths = torch.tensor(lengths, dtype=torch.int64)
@@ -98,7 +98,7 @@ def test_no_job_is_on_two_lanes_and_lanes_without_one_say_so(
         assert (jobs[jobs < 0] == -1).all()
         assert len(busy.unique()) == len(busy)
         advances[busy] += 1
-    assert advances.tolist() == lengths  # of each job, no more and no fewer than it takes
+    assert advances.tolist() == lengths  # each job has exactly its own number of steps
 
 
 @given(lengths.filter(len), some_lanes)
@@ -183,7 +183,7 @@ def test_gradients_are_off_in_every_worker() -> None:
 
 
 class Failing(Collatz):
-    """One job fails, once every worker has one."""
+    """Jobs of which one fails, after every worker has received one."""
 
     def __init__(self, lengths: Sequence[int], fails: int, workers: int) -> None:
         super().__init__(lengths)
@@ -204,7 +204,7 @@ class Failing(Collatz):
 
 @pytest.mark.parametrize(("workers", "fails"), [(1, 0), (2, 0), (2, 1)])
 def test_a_workers_failure_ends_all_and_is_told(workers: int, fails: int) -> None:
-    # Whichever worker it is: nobody waits first for the others to be through with the queue.
+    # The failure of any worker is reported before the others have emptied the queue.
     jobs = 2_000
     task = Failing([1] * jobs, fails, workers)
     with pytest.raises(ZeroDivisionError, match=f"^job {fails}$"):

@@ -1,4 +1,4 @@
-"""The paper's world, and robots to drive in it."""
+"""The paper's world, and policies that drive its robot."""
 
 from collections.abc import Callable
 
@@ -19,25 +19,25 @@ def world() -> FollowBallConfig:
 
 @pytest.fixture(scope="session")
 def one_side() -> FollowOneSideConfig:
-    """The world on one side, then on the other."""
+    """The world whose balls begin on one side, and later on the other."""
     return load_config("env=follow_one_side").env
 
 
 @pytest.fixture(scope="session")
 def wander() -> TensorDictModule:
-    """Any action at any time, drawn from the run's own random numbers."""
+    """Return random actions, drawn from the run's own random numbers."""
     return policy(lambda bearing, chance: 2 * chance - 1)
 
 
 @pytest.fixture(scope="session")
 def follow() -> TensorDictModule:
-    """Towards the ball, not quite steadily: most situations end in a catch, at various steps."""
+    """Steer towards the ball with some noise: most situations end in a catch, at various steps."""
     return policy(lambda bearing, chance: (chance - 0.5 - 5 * bearing).clamp(-1, 1))
 
 
 @pytest.fixture(scope="session")
 def straight() -> TensorDictModule:
-    """Always straight on."""
+    """Drive straight on."""
     return policy(lambda bearing, chance: torch.zeros_like(bearing))
 
 

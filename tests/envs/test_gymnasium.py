@@ -1,4 +1,4 @@
-"""The world behind Gymnasium's interface: by its own checker, and the same world as ever."""
+"""The world with Gymnasium's interface passes Gymnasium's checker and is the same world."""
 
 from functools import partial
 
@@ -25,7 +25,7 @@ def env(world: FollowBallConfig) -> GymWorld:
 
 
 def test_gymnasiums_checker_finds_nothing(world, monkeypatch):
-    """Through `gymnasium.make`, since some of its checks need a spec."""
+    """The world is made by `gymnasium.make`, since some checks need a spec."""
     monkeypatch.setattr(gymnasium.envs.registration, "registry", {})
     gymnasium.register("FollowBall-v0", GymWorld)
     made = gymnasium.make("FollowBall-v0", config=world, candidates=CANDIDATES)
@@ -35,7 +35,7 @@ def test_gymnasiums_checker_finds_nothing(world, monkeypatch):
 @settings(max_examples=5)
 @given(seed=st.integers(0, 2**63 - 1), chooser=st.integers(0, 2**32 - 1))
 def test_it_is_the_same_world_bit_for_bit(seed, chooser, world):
-    """As FollowBall's own, with the same actions, over the end of two situations."""
+    """The same actions give FollowBall's own history, over two ends of situations."""
     env = GymWorld(world, CANDIDATES)
     twin = FollowBall(world, seed=torch.tensor(seed))
     choose = np.random.default_rng(chooser)
@@ -45,7 +45,7 @@ def test_it_is_the_same_world_bit_for_bit(seed, chooser, world):
     ends = 0
     while ends < 2:
         assert seen.tolist() == state["bearing"].tolist()
-        # About where the ball is, so that some situations end in a catch.
+        # Roughly towards the ball, so that some situations end in a catch.
         towards = 0.5 - 2.5 * seen[0] + choose.normal(scale=0.2)
         action = np.int64(np.clip(round(20 * towards), 0, 20))
         seen, reward, terminated, truncated, info = env.step(action)
@@ -83,7 +83,7 @@ def test_a_vector_of_worlds_is_not_one_world_many_times(world):
 
 
 def test_a_start_can_be_given(env, world):
-    """For the paper's test, say; that of the next situation is random again."""
+    """The next situation has a random start again."""
     seen, _ = env.reset(seed=1, options={"start": (0.8, 0.1), "episode": 2**32})
     number = torch.tensor([2**32])
     twin = FollowBall(world, seed=0).start(torch.tensor([1]), number, torch.tensor([0.8, 0.1]))
@@ -98,7 +98,7 @@ def test_a_start_can_be_given(env, world):
 
 @pytest.mark.parametrize("caught", [True, False])
 def test_how_it_ends(caught, world):
-    """Straight at a ball that rests ahead, or away from one."""
+    """The robot drives straight at a resting ball, or away from it."""
     env = GymWorld(world, 3)
     env.reset(options={"start": (0.0 if caught else np.pi, 0.0)})
     for _ in range(world.time_limit_steps):
@@ -127,7 +127,7 @@ def test_how_it_ends(caught, world):
     ],
 )
 def test_what_reset_refuses(arguments, message, env):
-    """In one line, and the run goes on as if nobody had asked."""
+    """The refusal is one line and changes nothing in the run."""
     env.reset(seed=3)
     with pytest.raises(OutOfRange, match=message) as refusal:
         env.reset(**arguments)

@@ -1,4 +1,4 @@
-"""A world of a user's own, as docs/worlds.md has it."""
+"""A world of the user's own, from docs/worlds.md."""
 
 import re
 import subprocess
@@ -23,7 +23,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "worlds.md"
 
 @pytest.fixture(scope="module")
 def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page's files, and nothing else."""
+    """A directory with only the page's files."""
     root = tmp_path_factory.mktemp("own")
     files = re.findall(
         r"\*\*`([\w./]+)`\*\*.*?```(?:python|yaml)\n(.*?)```", PAGE.read_text(), re.DOTALL
@@ -99,7 +99,7 @@ def test_it_is_one_word_on_the_command_line(there: Path) -> None:
 
 
 def test_fnnq_train_finds_it_in_the_current_directory(directory: Path) -> None:
-    """As a console script, which has no current directory on its path."""
+    """A console script doesn't have the current directory on its path."""
     script = "import sys; sys.path.pop(0); from fnnq_torchrl.train import main; main()"
     arguments = ("--config-dir", "my_conf", "task=point", "--cfg", "job")
     ended = subprocess.run(

@@ -17,7 +17,7 @@ from fnnq_torchrl.equations.exploration import (
 )
 from tests.oracles import peng
 
-GRID = 840  # divisible by 1, …, 8: midpoints of so many cells fall evenly on that many choices
+GRID = 840  # divisible by 1, …, 8: its cells fall evenly on so many choices
 DTYPES = pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 
 
@@ -48,7 +48,7 @@ def test_in_between_every_candidate_has_its_probability(epsilon: float, dtype: t
     counts = choose([0, 7, 1, 7, -3], epsilon, grid(cells, dtype)).bincount(minlength=5)
     other, best = epsilon / 5, epsilon / 5 + (1 - epsilon) / 2
     expected = cells * torch.tensor([other, best, other, best, other])
-    assert (counts - expected).abs().max() <= 2  # what lies on the edge of a share
+    assert (counts - expected).abs().max() <= 2  # at the edges of the shares
 
 
 @DTYPES
@@ -85,7 +85,7 @@ def test_the_choice_is_a_candidate_at_the_edges_of_the_uniform(
     below_one = torch.nextafter(one, -one)
     epsilons = torch.stack([0 * one, 1e-7 * one, 0.1 * one, 0.5 * one, below_one, one])
     edges = torch.cat([torch.nextafter(epsilons, -one), epsilons, torch.nextafter(epsilons, one)])
-    largest = torch.full((), 1 - 2.0**-24, dtype=dtype)  # what 24 random bits can give
+    largest = torch.full((), 1 - 2.0**-24, dtype=dtype)  # the largest value of 24 random bits
     us = torch.cat([edges.clamp(0, below_one), largest.view(1), below_one.view(1)])
     epsilon, u = torch.cartesian_prod(epsilons, us).T
     for tied in (torch.zeros, torch.arange):

@@ -14,7 +14,7 @@ LABELS = [(-0.5, 0.4), (-0.1, 0.1), (0.0, 0.05), (0.1, 0.1), (0.5, 0.4)]
 
 
 def labels_of(labels: Sequence[tuple[float, float]]) -> tuple[Tensor, Tensor]:
-    """Centres and inverse widths."""
+    """Return the labels' centres and inverse widths."""
     centres, widths = torch.tensor(labels, dtype=torch.float64).T
     return centres, 1 / widths
 
@@ -50,7 +50,7 @@ def test_shares_are_each_labels_part_of_all_membership(
     torch.testing.assert_close(shares.sum(0), torch.ones(len(xs), dtype=torch.float64))
     for x, column in zip(xs, shares.T, strict=True):
         mu = [membership(x, label) for label in labels]
-        if sum(mu) > 1e-100:  # else it is the plain quotient that has lost its digits
+        if sum(mu) > 1e-100:  # below that, the plain quotient loses its digits
             expected = torch.tensor([m / sum(mu) for m in mu], dtype=torch.float64)
             torch.testing.assert_close(column, expected, rtol=1e-9, atol=1e-12)
 

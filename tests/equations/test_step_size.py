@@ -51,7 +51,7 @@ def test_obgd_bounds_the_step(alpha: float, kappa: float, error: float, z: Tenso
     reach = kappa * max(error, 1) * z.abs().sum().item()
     assert step <= alpha
     assert step * reach <= 1 + 1e-12
-    assert step == alpha or step * reach == pytest.approx(1)  # no smaller than it need be
+    assert step == alpha or step * reach == pytest.approx(1)  # no smaller than needed
 
 
 @given(st.floats(0.001, 10), numbers, vectors, vectors, vectors, st.floats(0, 1))
@@ -64,7 +64,7 @@ def test_a_linear_step_by_alpha_bound_turns_no_error(
     w = step * reward * z
     after = reward + ((gamma * phi_ahead - phi) * w).sum().item()
     assert after * reward >= -1e-9 * reward**2
-    if step.item() < alpha:  # the largest that doesn't
+    if step.item() < alpha:  # the largest step that turns no error
         assert after == pytest.approx(0, abs=1e-9 * abs(reward))
 
 
@@ -94,7 +94,7 @@ def test_kappa_is_obgds_and_every_runs_own() -> None:
     before, after = (advance(learner, run, 40) for run in (base, changed))
     differs = (before["weights", "weight"] != after["weights", "weight"]).flatten(1).any(1)
     assert differs.tolist() == [False, True, False]
-    assert torch.equal(before["alpha"], base["alpha"])  # of each step anew, from the same α
+    assert torch.equal(before["alpha"], base["alpha"])  # each step computes it from the same α
 
 
 @torch.no_grad()

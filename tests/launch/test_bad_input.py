@@ -1,4 +1,4 @@
-"""Every command and every class of bad input: one line that says what is wrong, and no result."""
+"""Every command refuses every class of bad input in one line, and leaves no result."""
 
 import sys
 from collections.abc import Callable
@@ -39,7 +39,7 @@ DAMAGE = {
     "nan": HEADER + "0,0.2,0,0,nan,0,0,9\n0,0.2,5,310,1,0,0,9\n",
     "huge": HEADER + f"0,0.2,0,0,1,0,0,9\n0,0.2,5,{10**30},1,0,0,9\n",
 }
-"""What stands in evaluations.csv below each of these directories."""
+"""The text of evaluations.csv in each of these directories."""
 
 
 def finished_job(job: Path, evaluations: str) -> None:
@@ -52,7 +52,7 @@ def finished_job(job: Path, evaluations: str) -> None:
 
 @pytest.fixture(scope="module")
 def around(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A working directory with all that is wrong in it."""
+    """A working directory with damaged and foreign files."""
     root = tmp_path_factory.mktemp("around")
     (root / "file").write_text("")
     for job in (root / "another", root / "another" / "0"):
@@ -91,7 +91,7 @@ def run(
                 PAGES[command]()
             status = end.value.code
         told = capsys.readouterr().err
-        if isinstance(status, str):  # which Python prints on its way out
+        if isinstance(status, str):  # Python prints it as it exits
             status, told = 1, told + status + "\n"
         assert told.endswith("\n")
         assert told.count("\n") == 1, told
@@ -106,8 +106,8 @@ NO_RESULTS = "has no finished results: python -m fnnq_torchrl.train +experiment=
 TORN = "evaluations.csv is not a complete evaluations file: its last row is cut short"
 NO_NUMBER = "evaluations.csv is not a complete evaluations file: could not convert string "
 OTHERS = "is of another configuration or PyTorch; take another directory, or begin anew with "
-# A line, or where it ends in an ellipsis its beginning, by what is typed.
-# Commands that write figures and pages have no keys: none to be out of range, or to contradict.
+# The expected line for each command; one that ends in an ellipsis is only its beginning.
+# Commands that write figures and pages have no keys, so no value of them is out of range.
 TABLE: dict[str, dict[str, tuple[int, str]]] = {
     "wrong type": {
         "train logger=mlflow logger.mlflow.timeout_s=x": (
@@ -287,7 +287,7 @@ def test_bad_input(run: Callable[..., Ended], typed: str, ended: tuple[int, str]
 
 
 def results() -> set[Path]:
-    """Everything under the final name of a result, below the working directory."""
+    """Return every file below the working directory that has the name of a result."""
     names = ("checkpoint.pt", "evaluations.csv", "summary.*", "*.png", "*.svg", "*.md")
     return {path for name in names for path in Path().rglob(name)}
 
@@ -319,9 +319,9 @@ overrides = st.builds(
 lists_of_overrides = st.lists(
     overrides.filter(lambda text: not text.startswith("-")), min_size=1, max_size=3
 )
-# A tenth of the others' examples, since each takes a tenth of a second.
+# A fifth of the others' examples, since each takes a tenth of a second.
 few = settings(
-    max_examples=settings().max_examples // 10,
+    max_examples=settings().max_examples // 5,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 

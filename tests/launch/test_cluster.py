@@ -1,4 +1,4 @@
-"""Batches as tasks: the whole way on this machine, in processes of their own."""
+"""Batches as tasks of a cluster, run on this machine in processes of their own."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,9 @@ TINY = ("env.time_limit_steps=4", "situations=5", "engine=eager")
 
 def test_a_sweep_on_this_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     submitit = pytest.importorskip("submitit")
-    (tmp_path / "1" / "evaluations.csv").mkdir(parents=True)  # which fails that job, and the last
+    (tmp_path / "1" / "evaluations.csv").mkdir(
+        parents=True
+    )  # so that job fails, and the last one too
     sweep = ("lam=0,0.4", "alpha=0.4,0.2", *TINY, f"hydra.sweep.dir={tmp_path}", "-m")
     assert fnnq_train("hydra.launcher.cluster=local", *sweep) == 1
     assert "job 1 (lam=0 alpha=0.2 " in capsys.readouterr().err
@@ -34,7 +36,7 @@ def test_a_sweep_on_this_machine(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 class Trainer:
-    """Takes notes of what it is to train, and writes as much of a summary as is read."""
+    """Records the jobs that it is asked to train, and trains none."""
 
     def __init__(self) -> None:
         self.batches: list[list[str]] = []

@@ -23,31 +23,16 @@ UNIT = "must be a number in [0, 1]"
 MISTAKES = {
     "lam=1.5": f"lam=1.5: {UNIT}",
     "lam=abc": f"lam=abc: {UNIT}",
-    "lam=nan": f"lam=nan: {UNIT}",
-    "lam=": f"lam=: {UNIT}",
-    "lam=null": f"lam=null: {UNIT}",
-    "lam=true": f"lam=True: {UNIT}",
     "lamm=0.2": "lamm=0.2: there is no lamm; did you mean lam?",
     "+lamm=0.2": "lamm=0.2: there is no lamm; did you mean lam?",
-    "num_seeds=0": "num_seeds=0: must be a whole number >= 1",
-    "seed=1.5": "seed=1.5: must be a whole number >= 0",
-    "seed=-1": "seed=-1: must be a whole number >= 0",
-    "alpha=-1": "alpha=-1.0: must be a number in [0, inf)",
-    "situations=7": "situations=7: must be a whole multiple of evaluation.every=5",
     "trace=foo": "trace=foo: must be output, gradient, replacing or window",
-    "variant=foo": "variant=foo: must be peng, watkins or naive",
-    "exploration=foo": "exploration=foo: must be epsilon_greedy, boltzmann or noise",
-    "window=0": "window=0: must be a whole number >= 1",
-    "temperature=0": "temperature=0.0: must be a number in (0, inf)",
-    "engine=foo": "engine=foo: must be auto, eager or compiled",
     "value=nope": "value=nope: must be fnnq or mlp or rbf or table or tiles",
-    "env.speed_mps=-1": "env.speed_mps=-1.0: must be a number in (0, inf)",
     "env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
     "+env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
     "hydra.nope=1": "Could not override 'hydra.nope'. To append to your config use +hydra.nope=1",
 }
-QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")  # pytest's own stays as it is
-# What a shell leaves that took a parenthesis for its own, and what else asks for other words.
+QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")  # leaves pytest's logging as it is
+# Commands that a shell has split at a parenthesis, and others that need a special message.
 UNFRIENDLY = {
     ("lam=0.2,0.3",): "lam=0.2,0.3: several values need -m, a job for each",
     ("seed=range(22)",): "seed=range(22): several values need -m, a job for each",
@@ -71,7 +56,7 @@ class Outcome(NamedTuple):
 
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys) -> Callable[..., Outcome]:
-    """Runs the train command in this process with a job that only takes notes."""
+    """Runs the train command in this process, with a job that only records its arguments."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str, job: Callable[[Config, Path], None] | None = None) -> Outcome:

@@ -1,5 +1,6 @@
-"""``from=DIR``: what an earlier job was, and what is typed beside it."""
+"""``from=DIR`` takes the configuration of an earlier job; what else is typed changes it."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -28,7 +29,7 @@ EARLIER = (
 
 @pytest.fixture
 def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Config]:
-    """The configurations of the jobs that are trained, in a directory of their own."""
+    """The configurations of the jobs that would be trained; they run in ``tmp_path``."""
     configs: list[Config] = []
 
     def run_job(config: Config, directory: Path) -> float:
@@ -46,11 +47,22 @@ def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Config]:
     return configs
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Config]:
+    """The directory and the configuration of a job, as the command leaves them."""
+    configs: list[Config] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(job_module, "run_job", lambda config, directory: configs.append(config))
+        directory = tmp_path_factory.mktemp("earlier")
+        assert fnnq_train(*EARLIER, f"hydra.run.dir={directory}") == 0
+    return directory, configs[0]
+
+
 @pytest.fixture
-def earlier(trained: list[Config]) -> Config:
-    """A job in ``earlier``, as the command leaves it."""
-    assert fnnq_train(*EARLIER, "hydra.run.dir=earlier") == 0
-    return replace(trained.pop(), logger=LoggerConfig())  # that of the job isn't taken
+def earlier(written: tuple[Path, Config], trained: list[Config], tmp_path: Path) -> Config:
+    """The configuration that ``from=earlier`` gives, in a directory that has that job."""
+    shutil.copytree(written[0], tmp_path / "earlier")
+    return replace(written[1], logger=LoggerConfig())  # the job's own loggers aren't taken
 
 
 @pytest.mark.parametrize(
@@ -58,14 +70,10 @@ def earlier(trained: list[Config]) -> Config:
     ["${fresh_directory:made}", "${nope:x}", [1, 2], "../task", {"a": 1}],
     ids=["a call", "an unknown call", "a list", "a path", "a mapping"],
 )
-def test_nothing_in_it_is_called(
-    earlier: Config, trained: list[Config], task: object, tmp_path: Path
-) -> None:
-    """Whoever has written it."""
+def test_nothing_in_it_is_called(earlier: Config, task: object, tmp_path: Path) -> None:
     path = tmp_path / "earlier" / ".hydra" / "hydra.yaml"
     path.write_text(yaml.safe_dump({"hydra": {"runtime": {"choices": {"task": task}}}}))
-    assert fnnq_train("from=earlier", "hydra.run.dir=later") == 0
-    assert trained == [earlier]
+    assert load_config("from=earlier") == earlier
     assert not (tmp_path / "made").exists()
 
 
@@ -129,7 +137,7 @@ def test_its_own_directory_may_be_gone_on_with(earlier: Config, trained: list[Co
 
 @pytest.fixture
 def edit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
-    """Makes the directory ``job`` with a configuration that somebody has changed."""
+    """Makes the directory ``job``, whose configuration somebody has edited."""
     monkeypatch.chdir(tmp_path)
     path = Path("job/.hydra/config.yaml")
     path.parent.mkdir(parents=True)

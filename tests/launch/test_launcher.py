@@ -1,4 +1,4 @@
-"""Sweeps from the command line to the files: in one batch, each job is what it is alone."""
+"""Sweeps, from the command line to the files: a job in a batch equals the job alone."""
 
 import csv
 import json
@@ -110,7 +110,7 @@ def test_the_sweep_has_the_whole(folded: Path) -> None:
 
 @pytest.fixture
 def batches(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """The names of the directories of each batch that is trained from here on."""
+    """The directory names of each batch that is trained from now on."""
     seen: list[list[str]] = []
     run = job_module.run_batches
 
@@ -222,7 +222,7 @@ def test_a_batch_that_breaks_leaves_the_others(
 
 @pytest.fixture
 def untrained(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[list[str]], bool]]:
-    """What would be trained: the names of the jobs of each batch, and whether with pictures."""
+    """The batches that would be trained, as names of jobs, and whether pictures are drawn."""
     calls: list[tuple[list[list[str]], bool]] = []
 
     def run_batches(batches, *, pictures, **others):
@@ -290,7 +290,7 @@ def test_callbacks_come_in_pairs(
     assert calls == [("start", 4, 0), ("end", 4, 4.0), ("start", 5, 1), ("end", 5, 5.0)]
 
 
-@pytest.mark.filterwarnings("ignore")  # its own dependencies have some to give
+@pytest.mark.filterwarnings("ignore")  # its dependencies warn
 def test_optuna_asks_for_batches(tmp_path: Path, batches: list[list[str]]) -> None:
     pytest.importorskip("hydra_plugins.hydra_optuna_sweeper")
     search = (

@@ -1,4 +1,4 @@
-"""The whole of a sweep, from its jobs' result files."""
+"""The files of a whole sweep, made from its jobs' result files."""
 
 import csv
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Experiments that are several grids, and that every experiment shipped is a list of valid jobs."""
+"""Experiments of several grids; every experiment that is shipped is a list of valid jobs."""
 
 import sys
 import types
@@ -12,6 +12,7 @@ from fnnq_torchrl import train
 from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.launch.composition import VERSION_BASE
+from fnnq_torchrl.launch.launcher import Multirun
 from hydra_plugins.fnnq_torchrl import BatchSweeper
 
 EXPERIMENTS = {
@@ -82,11 +83,14 @@ def test_an_experiment_is_so_many_jobs_below_its_name(
 ) -> None:
     taken: list[tuple[Config, Path]] = []
     stub = types.ModuleType("fnnq_torchrl.training.job")
-    stub.run_job = lambda config, directory: taken.append((config, directory))
-    stub.run_batches = None  # for the launcher "batch", which is not asked
+    stub.run_job = None  # for the launcher "basic", which is not asked
+    stub.run_batches = lambda batches, **others: (
+        [taken.append((job.config, job.directory)) or 0.0 for job in batch] for batch in batches
+    )
+    monkeypatch.setattr(Multirun, "_write_whole", lambda self: None)
     monkeypatch.setitem(sys.modules, stub.__name__, stub)
     quiet = ("hydra/job_logging=none", "hydra/hydra_logging=none")
-    arguments = (*quiet, "hydra/launcher=basic", f"+experiment={name}")
+    arguments = (*quiet, f"+experiment={name}")
     monkeypatch.setattr(sys, "argv", ["train", *arguments])
     monkeypatch.chdir(tmp_path)
     train.main()
@@ -94,5 +98,5 @@ def test_an_experiment_is_so_many_jobs_below_its_name(
     assert {config.num_seeds for config, _ in taken} == {10_000 if "large" in name else 22}
     assert len({repr(config) for config, _ in taken}) == len(taken)
     [sweep] = (tmp_path / "outputs" / name).iterdir()
-    assert [directory for _, directory in taken] == [sweep / str(i) for i in range(len(taken))]
+    assert {directory for _, directory in taken} == {sweep / str(i) for i in range(len(taken))}
     assert {path.name for path in (tmp_path / "outputs").iterdir()} == {name}

@@ -1,4 +1,4 @@
-"""Jobs composed at once are what Hydra composes one by one."""
+"""Jobs composed together equal those that Hydra composes one by one."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,7 +22,7 @@ from fnnq_torchrl.training.jobs import RESULTS
 
 
 class Hydra:
-    """As much of a multirun as there is before the launcher comes in."""
+    """The part of a multirun before the launcher begins."""
 
     def __init__(self, directory: Path) -> None:
         hydra = GlobalHydra.instance().hydra
@@ -42,7 +42,7 @@ class Hydra:
         return compose_jobs(self.loader, self.master, [o.split() for o in job_overrides], first)
 
     def composed(self, number: int, overrides: str) -> DictConfig:
-        """One job, as Hydra's own launcher composes it."""
+        """Return one job as Hydra's own launcher composes it."""
         node = self.loader.load_sweep_config(self.master, overrides.split())
         with read_write(node.hydra), open_dict(node.hydra.job):
             node.hydra.job.id = node.hydra.job.num = number

@@ -1,4 +1,4 @@
-"""Other value functions than the fuzzy network, in plain Python, one state and action at a time."""
+"""The value functions besides the fuzzy network, in plain Python, for one state and action."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ def gaussian(x: float, centre: float, sigma: float) -> float:
 
 
 def radial(weights: Sequence[Sequence[float]], states: Labels, actions: Labels, s: float, a: float):
-    """Σ w·μ(s)·μ(a)."""
+    """Return Σ w·μ(s)·μ(a)."""
     return sum(
         weights[i][j] * gaussian(s, *state) * gaussian(a, *action)
         for i, state in enumerate(states)
@@ -22,7 +22,7 @@ def radial(weights: Sequence[Sequence[float]], states: Labels, actions: Labels, 
 def looked_up(
     weights: Sequence[Sequence[float]], states: Labels, actions: Labels, s: float, a: float
 ):
-    """The cell of the labels with the highest membership."""
+    """Return the weight of the cell whose labels have the highest membership."""
 
     def best(x: float, labels: Labels) -> int:
         return max(range(len(labels)), key=lambda i: gaussian(x, *labels[i]))
@@ -31,16 +31,17 @@ def looked_up(
 
 
 def tile(x: float, low: float, high: float, tiles: int, offset: float) -> int:
-    """The tile of a tiling that is moved down by so many tiles; beyond the range, that at its edge.
+    """Return the tile of an input in a tiling that is moved down by so many tiles.
 
-    A tiling that isn't moved has as many tiles as its range is wide, any other one more.
+    Beyond the range it is the tile at the edge. A tiling that isn't moved has as many tiles as its
+    range is wide, any other has one more.
     """
     number = math.floor((x - low) / (high - low) * tiles + offset)
     return min(max(number, 0), tiles if offset > 0 else tiles - 1)
 
 
 def coded(weights, spans: Sequence[tuple[float, float]], tilings: int, tiles: int, s, a):
-    """Σ over the tilings of the weight of the tile at (s, a), ``weights[i][j][tiling]``."""
+    """Return the sum over the tilings of the tile's weight at (s, a), ``weights[i][j][tiling]``."""
     total = 0.0
     for tiling in range(tilings):
         i = tile(s, *spans[0], tiles, (tiling % tilings) / tilings)
@@ -50,7 +51,7 @@ def coded(weights, spans: Sequence[tuple[float, float]], tilings: int, tiles: in
 
 
 def perceptron(layers, activation, normalise: bool, s: float, a: float) -> float:
-    """Layers of (weights, biases), a row of weights for each unit."""
+    """Return the output of layers of (weights, biases), with a row of weights for each unit."""
     values = [s, a]
     for number, (weights, biases) in enumerate(layers):
         if number:

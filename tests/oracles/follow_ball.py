@@ -10,12 +10,12 @@ FOR_STEP, FOR_START = 0, 1
 
 
 class FollowBallTwin:
-    """One learning situation of one run; its attributes carry the names of the env's entries.
+    """One learning situation of one run; its attributes have the names of the env's entries.
 
     Args:
         world: the physical parameters.
         seed: of the run.
-        episode: which of the run's situations.
+        episode: number of the situation in the run.
         situation: a fixed start of the ball (φ₀, ω_b) instead of a random one.
     """
 
@@ -48,7 +48,7 @@ class FollowBallTwin:
         self.chance = (65536 * spare[0] + 256 * spare[1] + spare[2]) / 2**24
 
     def move(self, steering: float) -> tuple[float, bool]:
-        """One time step with the wheels at Δv: the reward, and whether the situation has ended."""
+        """Take one time step with the wheels at Δv; return the reward, and True at the end."""
         world = self.world
         left_mps = world.speed_mps * (1 + steering)
         right_mps = world.speed_mps * (1 - steering)
@@ -65,13 +65,13 @@ class FollowBallTwin:
         return 0.0, False
 
     def _drive(self, left_mps: float, right_mps: float) -> None:
-        """Round the point about which both wheels turn."""
+        """Drive round the point about which both wheels turn."""
         world = self.world
         speed_mps = (left_mps + right_mps) / 2
         turn_radps = (right_mps - left_mps) / world.track_width_m
         way_m = speed_mps * world.time_step_s
         turn_rad = turn_radps * world.time_step_s
-        if abs(turn_rad) < 1e-9:  # the point is too far away to be reckoned with
+        if abs(turn_rad) < 1e-9:  # the point is too far away: a straight line
             self.x_m += way_m * math.cos(self.heading_rad)
             self.y_m += way_m * math.sin(self.heading_rad)
         else:
@@ -104,7 +104,7 @@ class FollowBallTwin:
         return isinstance(self.world, FollowOneSideConfig)
 
     def _on_left(self) -> bool:
-        """Whether the situation is one for the left side, where it is one for one side."""
+        """Return True if this situation is on the left, in a world on one side."""
         switched = 0 < self.world.switch_side_after <= self.episode
         return (self.world.start_side == "left") != switched
 
@@ -114,5 +114,5 @@ def uniform(word: int) -> float:
 
 
 def normal(word: int, other: int) -> float:
-    """Box and Muller's transform."""
+    """Return a normal random number by Box and Muller's transform."""
     return math.sqrt(-2 * math.log(1 - uniform(word))) * math.cos(math.tau * uniform(other))

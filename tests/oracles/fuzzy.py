@@ -8,17 +8,17 @@ Label = tuple[float, float]  # centre, width σ
 
 
 def membership(x: float, label: Label) -> float:
-    """μ(x), Gaussian."""
+    """Return μ(x) of a Gaussian label."""
     centre, width = label
     return exp(-((x - centre) ** 2) / (2 * width**2))
 
 
 def normalised_firing_strengths(x: Sequence[float], labels: Sequence[list[Label]]) -> list[float]:
-    """σᵢ/Σσ of every rule: a label of each input with one of each other (eq. 7).
+    """Return σᵢ/Σσ of every rule (eq. 7); a rule has one label of each input.
 
     Args:
-        x: the inputs, the last of which is the action.
-        labels: of each of them; the last one's change fastest from rule to rule.
+        x: the inputs; the last is the action.
+        labels: of each input; those of the last change fastest from rule to rule.
     """
     strengths = [prod(map(membership, x, rule)) for rule in product(*labels)]
     return [strength / sum(strengths) for strength in strengths]
@@ -27,7 +27,7 @@ def normalised_firing_strengths(x: Sequence[float], labels: Sequence[list[Label]
 def action_value(
     consequents: Sequence[float], x: Sequence[float], labels: Sequence[list[Label]]
 ) -> float:
-    """Q(s, a), the centre of area of the rules' consequents (eq. 8)."""
+    """Return Q(s, a), the centre of area of the rules' consequents (eq. 8)."""
     return sum(
         w * f for w, f in zip(consequents, normalised_firing_strengths(x, labels), strict=True)
     )

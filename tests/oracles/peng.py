@@ -12,7 +12,7 @@ Table = list[list[float]]
 
 
 class Arrival(NamedTuple):
-    """What a step led to."""
+    """The outcome of a step."""
 
     reward: float
     state: int
@@ -23,13 +23,13 @@ class Arrival(NamedTuple):
 
 
 class World(Protocol):
-    """Where the learner is; `chance` is the uniform random number that its next choice takes."""
+    """The learner's world; `chance` is the uniform random number for its next choice."""
 
     def start(self, episode: int) -> tuple[int, float]:
-        """The first state, and the chance."""
+        """Return the first state, and the chance."""
 
     def move(self, state: int, action: int, episode: int, step: int) -> Arrival:
-        """The step-th step of an episode, counted from 1."""
+        """Take a step of the episode; steps count from 1."""
 
 
 class Learned(NamedTuple):
@@ -51,7 +51,7 @@ def peng_q_lambda(
     gamma: float,
     epsilon: float,
 ) -> Iterator[Learned]:
-    """Steps for ever. The letters are those of Table 1."""
+    """Yield the learner after each step, without end. The letters are those of Table 1."""
     q = [[0.0] * actions for _ in range(states)]  # 1
     trace = [[0.0] * actions for _ in range(states)]
     episode = 0
@@ -86,7 +86,7 @@ def peng_q_lambda(
 
 
 def epsilon_greedy(values: Sequence[float], epsilon: float, u: float) -> int:
-    """With probability ε any action, else one of the best; u, uniform in [0, 1), decides."""
+    """Choose any action with probability ε, else one of the best; u, uniform in [0, 1), decides."""
     if u < epsilon:
         among = list(range(len(values)))
         share = u / epsilon

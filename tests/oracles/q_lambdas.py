@@ -1,4 +1,4 @@
-"""The Q(λ)s beside Peng's, for a table of states × actions, in the order of their own sources.
+"""Q(λ) by Watkins, naive and Peng's, for a table of states × actions, as their sources have them.
 
 Watkins' and naive Q(λ): R. S. Sutton, A. G. Barto, "Reinforcement learning", 1998, fig. 7.14 and
 section 7.6. The trace counts the present pair before it is used, so all pairs get αδ′e. Peng's: the
@@ -30,7 +30,7 @@ def q_lambda(
     step_size: str = "decay",
     kappa: float = 1.0,
 ) -> Iterator[Learned]:
-    """Steps for ever. The trace is worked out anew each time, from the pairs that were visited."""
+    """Yield the learner after each step; the trace is computed from the visited pairs each time."""
     q = [[0.0] * actions for _ in range(states)]
     episode = 0
     while True:
@@ -86,7 +86,7 @@ def q_lambda(
 def eligibility(
     visits: Visits, states: int, actions: int, trace: str, window: int, decay: float
 ) -> Table:
-    """Of every pair: the sum of (γλ)ᵏ over its visits k steps ago, or only the latest of them."""
+    """Return every pair's sum of (γλ)ᵏ over its visits k steps ago, or only its latest visit's."""
     e = [[0.0] * actions for _ in range(states)]
     for k, (state, action) in enumerate(islice(visits, window if trace == "window" else None)):
         share = decay**k

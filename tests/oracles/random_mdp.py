@@ -22,7 +22,7 @@ ONE_IN_SO_MANY_STEPS_TERMINATES = 8
 TRUNCATED_AFTER_STEPS = 9
 
 _random = random.Random(1)
-# The states are equally likely to follow, by [state][action][branch].
+# The next states, by [state][action][branch]; all branches are equally likely.
 SUCCESSORS = [
     [[_random.randrange(STATES) for _ in range(BRANCHES)] for _ in range(ACTIONS)]
     for _ in range(STATES)
@@ -33,7 +33,7 @@ END_REWARD = 1.1
 
 @dataclass
 class RandomMDPConfig(WorldConfig):
-    """Nothing to choose but the time limit."""
+    """A configuration with a time limit only."""
 
     @property
     def observations(self):
@@ -47,7 +47,7 @@ class RandomMDPConfig(WorldConfig):
 class RandomMDP(PureEnv):
     """States are the places 0, 1, … on a line, actions are evenly spaced in [−1, 1].
 
-    An episode terminates by chance, wherever that leads to, and is truncated after some steps.
+    An episode terminates by chance in any state, and is truncated at the time limit.
     """
 
     schema = RandomMDPConfig

@@ -24,7 +24,7 @@ STABILITY = grid(
 
 
 def level(settings: Settings) -> float:
-    """With ObGD α doesn't matter, and it is best; a constant is worst; the α bound is decay's."""
+    """Return scores: ObGD is best for every α, a constant is worst, the α bound equals decay."""
     if settings["step_size"] == "obgd":
         return 4.5
     return 4.0 - 5 * abs(settings["alpha"] - 0.2) - 2 * (settings["step_size"] == "constant")
@@ -60,7 +60,7 @@ def test_the_best_alpha_is_chosen_by_one_half_and_judged_by_the_other(adaptive: 
 
 
 def with_steps(experiment: Experiment, step_size: str, alpha: float, factor: int) -> Experiment:
-    """The same, but that its runs with λ = 0.8 took other numbers of steps there."""
+    """Return the results with other numbers of steps for the runs with λ = 0.8."""
 
     def changed(job: Job) -> Job:
         of_job = (job.settings["step_size"], job.settings["alpha"], job.settings["lam"])

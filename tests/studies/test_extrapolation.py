@@ -1,4 +1,4 @@
-"""What is measured where nothing was seen, against closed forms, and the page made of it."""
+"""The measures where nothing was seen equal closed forms; the page says what they say."""
 
 import re
 from dataclasses import replace
@@ -46,7 +46,7 @@ DOUBLE = "machine.dtype=float64"
 
 
 def learner(config: Config, **weights: torch.Tensor) -> Learner:
-    """Runs with these weights, each ``[evaluations, runs, ...]``."""
+    """Return runs with these weights, each ``[evaluations, runs, ...]``."""
     pages, runs = next(iter(weights.values())).shape[:2]
     return Learner(
         config,
@@ -62,7 +62,7 @@ def learner(config: Config, **weights: torch.Tensor) -> Learner:
 
 
 def rules(generator_seed: int = 0) -> torch.Tensor:
-    """Consequents at the start, all 0, and at the switch, ``[2, runs, 5, 4]``."""
+    """Return consequents ``[2, runs, 5, 4]``: 0 at the start, and those at the switch."""
     generator = torch.Generator().manual_seed(generator_seed)
     learned = torch.randn(RUNS, 5, 4, generator=generator, dtype=torch.float64)
     return torch.stack([torch.zeros_like(learned), learned])
@@ -206,7 +206,7 @@ def test_q_that_is_right_where_nothing_was_seen_catches_more_than_the_control() 
 
 
 def flipped(runs: Learner) -> Snapshots:
-    """Weights that want the opposite action everywhere."""
+    """Return weights that prefer the opposite action everywhere."""
     weights = {name: weight.flip(-1) for name, weight in runs.snapshots.weights.items()}
     return replace(runs.snapshots, weights=weights)
 

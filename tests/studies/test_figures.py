@@ -37,7 +37,7 @@ def evaluations(lams: list[float], runs: int, count: int = 41, best: int = 5) ->
 
 
 def texts(figure: Figure) -> list[Text]:
-    """All words and numbers in the picture; ticks beyond an axis' ends exist, but are not drawn."""
+    """Return all texts in the picture, without ticks beyond an axis, which aren't drawn."""
     figure.draw_without_rendering()
     undrawn = {
         tick.label1

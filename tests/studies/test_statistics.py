@@ -39,7 +39,7 @@ def test_equals_scipy_along_every_axis(
 ) -> None:
     mean, low, high = mean_interval(samples, axis=axis, confidence=confidence)
     cases = np.moveaxis(samples, axis, 0).reshape(samples.shape[axis], -1)
-    spread = np.ptp(cases, axis=0) > 1e-6  # where there's none, scipy gives NaN or warns
+    spread = np.ptp(cases, axis=0) > 1e-6  # without spread, scipy gives NaN or warns
     expected = scipy.stats.ttest_1samp(cases[:, spread], 0).confidence_interval(confidence)
     np.testing.assert_allclose(mean.ravel(), cases.mean(axis=0), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(low.ravel()[spread], expected.low, rtol=1e-7, atol=1e-7)
@@ -186,7 +186,7 @@ def test_runs_of_different_numbers_are_no_pairs() -> None:
 @pytest.mark.parametrize("power", [0.8, 0.95])
 def test_so_many_runs_have_the_power_and_fewer_have_not(effect: float, power: float) -> None:
     def power_of(n: float) -> float:
-        """Of a t test, exactly: by the noncentral t distribution."""
+        """Return the exact power of a t test, by the noncentral t distribution."""
         critical = scipy.stats.t.ppf(0.975, n - 1)
         return scipy.stats.nct.sf(critical, n - 1, abs(effect) * np.sqrt(n))
 

@@ -1,4 +1,4 @@
-"""Files from anywhere: each is read as it was written, or refused in one line that names it."""
+"""A damaged file is read as it was written, or refused in one line that names it."""
 
 import shutil
 from collections.abc import Callable
@@ -81,7 +81,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def assert_read_or_refused(home: Home, name: str, data: bytes) -> None:
-    """Binary files are read as they were written; of a text, another one may be a good one."""
+    """Check a damaged file: a binary one is read as it was written, or it is refused."""
     path = home.damaged / name
     path.write_bytes(data)
     found, refused = read(home, name)
@@ -90,7 +90,7 @@ def assert_read_or_refused(home: Home, name: str, data: bytes) -> None:
 
 
 def read(home: Home, name: str) -> tuple[Any, str | None]:
-    """What the damaged file holds or, if it is refused, the line; then it is whole again."""
+    """Return the damaged file's content or the line of its refusal; restore the file."""
     path = home.damaged / name
     try:
         return READERS[name](path), None

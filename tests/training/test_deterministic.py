@@ -1,4 +1,4 @@
-"""Torch's deterministic mode refuses no operation that learning and its test take."""
+"""Learning and its test run in torch's deterministic mode."""
 
 from collections.abc import Iterator
 
@@ -17,8 +17,7 @@ def deterministic() -> Iterator[None]:
     torch.use_deterministic_algorithms(before)
 
 
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
-@pytest.mark.parametrize("engine", ["eager", "compiled"])
+@pytest.mark.parametrize(("engine", "dtype"), [("eager", "float64"), ("compiled", "float32")])
 def test_twice_the_same(engine: str, dtype: str, compiler: None) -> None:
     keys = (f"engine={engine}", f"machine.dtype={dtype}", "situations=5", "num_seeds=2")
     first, second = (Trainer.of(config(*keys)) for _ in range(2))

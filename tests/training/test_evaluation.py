@@ -30,7 +30,7 @@ def play(
     lanes: int = 64,
     on_progress: Callable[[int], None] = lambda played: None,
 ) -> Tensor:
-    """How many catches weights ``[evaluations, runs, 5, 4]`` make, ``[evaluations, runs]``."""
+    """Return the catches ``[evaluations, runs]`` of weights ``[evaluations, runs, 5, 4]``."""
     evaluations, runs = weights.shape[:2]
     situations = torch.tensor(settings.evaluation.situations, dtype=torch.float64)
     seeds = torch.arange(first_seed, first_seed + runs)
@@ -57,7 +57,7 @@ def test_evaluations_draw_where_learning_never_comes() -> None:
 
 @pytest.fixture
 def weights() -> Tensor:
-    """Of all evaluations of all runs."""
+    """Return random weights for all evaluations of all runs."""
     generator = torch.Generator().manual_seed(4)
     weights = torch.randn(EVALUATIONS, RUNS, 5, 4, generator=generator).double()
     weights[0, 3] = 0
@@ -66,7 +66,7 @@ def weights() -> Tensor:
 
 
 def followers_weights() -> Tensor:
-    """The further left the ball is, the better are actions that turn left (Δv < 0)."""
+    """Return weights that steer towards the ball: left (Δv < 0) if it is on the left."""
     wanted = torch.tensor([1.0, 0.5, 0.0, -0.5, -1.0]).double()
     actions = torch.tensor([-1.0, -0.4, 0.4, 1.0]).double()
     return -(wanted.unsqueeze(1) - actions).square()
@@ -75,7 +75,7 @@ def followers_weights() -> Tensor:
 def is_caught(
     settings: Config, weights: list[float], seed: int, episode: int, situation: tuple[float, float]
 ) -> bool:
-    """One situation, one step after the other, in plain Python."""
+    """Return True for a catch in one situation, played step by step in plain Python."""
     labels = [settings.value.inputs["bearing"], settings.value.action]
     world = FollowBallTwin(settings.env, seed, episode, situation)
     over = False

@@ -1,4 +1,4 @@
-"""A disk that is full, and one that is read-only: real ones, where the tests may mount any."""
+"""Training on a full disk and on a read-only one, which are mounted if the tests may."""
 
 import resource
 import shutil
@@ -20,7 +20,7 @@ TINY = ("situations=5", "env.time_limit_steps=4", "engine=eager", "checkpoint.ev
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 64 KiB, on which a training has been saved."""
+    """A disk of 64 KiB that has a saved training."""
     place = tmp_path / "disk"
     place.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)]
@@ -68,7 +68,7 @@ def test_the_last_good_checkpoint_stays(
 
 
 def test_a_file_that_grows_too_large_leaves_the_last_good_checkpoint(tmp_path: Path) -> None:
-    """A limit that any user may set stands in for a full disk, where none can be mounted."""
+    """A limit of file sizes takes the place of a full disk where none can be mounted."""
     config = load_config(*TINY)
     trainer = Trainer.of(config)
     saved_training(tmp_path, config).save(trainer.ledger, [])
@@ -85,7 +85,7 @@ def test_a_file_that_grows_too_large_leaves_the_last_good_checkpoint(tmp_path: P
 
 @pytest.mark.parametrize("sweep", [False, True])
 def test_a_command_that_cant_even_begin_ends_in_one_line(disk: Path, sweep: bool) -> None:
-    """Hydra's own files are the first."""
+    """Hydra's own files are the first that can't be written."""
     fill(disk)
     place = f"hydra.sweep.dir={disk}/sweep" if sweep else f"hydra.run.dir={disk}"
     command = [sys.executable, "-m", "fnnq_torchrl.train", *TINY, place, *["-m"] * sweep]

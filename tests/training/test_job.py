@@ -1,4 +1,4 @@
-"""A whole job, from its configuration to its files."""
+"""Whole jobs, from the configuration to the files."""
 
 import errno
 import json
@@ -70,7 +70,7 @@ def test_a_job_leaves_its_snapshots_if_it_is_to(tmp_path):
     assert snapshots.config["checkpoint"]["snapshots"]
 
     run_job(replace(config, checkpoint=replace(config.checkpoint, snapshots=False)), tmp_path)
-    assert not (tmp_path / "snapshots.pt").exists()  # an earlier one isn't of these files
+    assert not (tmp_path / "snapshots.pt").exists()  # an earlier one doesn't belong to these files
 
 
 def test_a_job_is_the_same_every_time(tmp_path):
@@ -94,7 +94,7 @@ def names_of(schema):
 
 
 def record_keys_read(schemas, monkeypatch):
-    """The keys that are read from now on, as pairs of schema and name."""
+    """Return a set that collects the keys that are read from now on, as (schema, name)."""
     read = set()
     for schema in schemas:
 
@@ -127,10 +127,10 @@ def test_every_key_is_read_by_something(monkeypatch):
 
 
 def save_half_done(config, directory, jobs=()):
-    """The training as it is when it has only begun; of all the jobs, where there are some."""
+    """Save a training that has only begun, of the job or of all given jobs."""
     batch = Batch([*jobs] or [Job(config, directory)])
     trainer = Trainer(batch.config, batch.runs, batch.engine)
-    # Without having learned: who goes on is known by that.
+    # All tests count as caught, though nothing was learned: that shows who resumes it.
     trainer.ledger.results["success"].fill_(True)
     trainer.ledger.results["played"].fill_(True)
     SavedTraining(batch).save(trainer.ledger, [])
@@ -166,7 +166,7 @@ def test_a_job_is_saved_at_intervals(tmp_path, monkeypatch, every_s, saves):
 
 @pytest.mark.parametrize("situations", [5, 200, 10_000])
 def test_the_engine_doesnt_depend_on_the_batch_that_a_job_is_in(situations):
-    """Engines agree to rounding only, and a job is to be the same alone and among many."""
+    """Engines agree only to rounding, and a job must be the same alone and in a batch."""
     config = load_config(f"situations={situations}")
     alone = choose_engine(config, 1).name
     among_many = choose_engine(config, 100_000).name
@@ -189,7 +189,7 @@ def test_a_signal_ends_all_batches(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("usual_signals")
 def test_a_signal_while_files_are_written_ends_what_comes_after(tmp_path, monkeypatch):
-    """They are written in one piece, and the next batch doesn't begin."""
+    """The files are completed, and the next batch doesn't begin."""
     write = job_module._write
 
     def interrupted(*arguments):
@@ -293,7 +293,7 @@ def test_an_earlier_summary_does_not_stay_beside_new_files(tmp_path):
 
 
 def test_diverged_runs_are_told_and_counted(tmp_path, capsys):
-    """Some of the batch diverge at once; the others know nothing of it."""
+    """Some runs of the batch diverge at once; the others aren't affected."""
     jobs = [
         Job(load_config("situations=10", "num_seeds=2", f"alpha={alpha}"), tmp_path / f"{alpha}")
         for alpha in (0.4, 1e30)

@@ -1,4 +1,4 @@
-"""How much memory a batch will need, and how much there is."""
+"""The estimate of the memory that a batch needs, and the memory that is free."""
 
 import resource
 import subprocess

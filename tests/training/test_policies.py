@@ -1,4 +1,4 @@
-"""A finished job's policy, in a world."""
+"""The policy of a finished job drives a rollout."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_it_plays_as_the_job_was_tested(job: Path) -> None:
-    """But for the sensor's noise, which is new in each evaluation."""
+    """Only the sensor's noise differs, since it is new in each evaluation."""
     situations = torch.tensor(CONFIG.evaluation.situations)
     scores = read_evaluations(job / "evaluations.csv").catches[:, -1]
     caught = []

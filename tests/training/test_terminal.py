@@ -33,7 +33,7 @@ class Terminal(io.StringIO):
 
 
 def progress_lines(total: int, done: Iterable[int], seconds_each: float) -> list[str]:
-    """What is shown without a terminal when every one takes as long."""
+    """Return the lines shown without a terminal, if all steps take equally long."""
     now = 0.0
     console = Console(file=io.StringIO())
     with Progress(total, "learning", console=console, clock=lambda: now) as progress:

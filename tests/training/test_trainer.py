@@ -15,7 +15,7 @@ SETTINGS = config("situations=10")
 
 
 def train(*, threads: int = 1, **changes: Any) -> tuple[Outcome, Tensor]:
-    """What came of a short training, and the weights."""
+    """Return the outcome of a short training, and the weights."""
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     trainer = Trainer.of(replace(SETTINGS, **changes))

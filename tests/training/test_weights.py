@@ -1,4 +1,4 @@
-"""checkpoint.pt and snapshots.pt, as they are written and read; damage is in test_damaged_files."""
+"""checkpoint.pt and snapshots.pt are read as written; test_damaged_files has damaged ones."""
 
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ CONFIG = {"alpha": 0.4, "trace": "output", "env": {"dt_s": 0.1, "reset": None}, 
 
 
 def weights(*evaluations: int) -> dict[str, Tensor]:
-    """Of two runs, which are last in memory, as a job has them."""
+    """Return weights of two runs, with the runs last in memory, as a job has them."""
     shape = (*evaluations, 5, 4, 2)
     rules = torch.arange(1.0, 1.0 + torch.Size(shape).numel()).view(shape)
     return {"consequents": rules.movedim(-1, -3), "bias": torch.ones(*evaluations, 2)}

@@ -108,7 +108,7 @@ def test_a_damaged_program_is_made_again(empty_cache: Path, damage: bytes) -> No
 
 
 def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
-    """A compiler that is a shell script."""
+    """A shell script in the compiler's place."""
     program = tmp_path / "my own compiler"
     program.write_text(f"#!/bin/sh\n{script}\n")
     program.chmod(0o755)

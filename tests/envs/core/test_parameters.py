@@ -1,4 +1,4 @@
-"""Ranges: what is allowed, what is refused, and how it reads."""
+"""Ranges: the values that they allow and refuse, and their messages."""
 
 import copy
 from dataclasses import dataclass, fields, replace

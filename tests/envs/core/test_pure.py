@@ -1,4 +1,4 @@
-"""What every environment of this kind promises about seeds, episodes and resets."""
+"""The promises of every PureEnv about seeds, episodes and resets."""
 
 from dataclasses import dataclass
 from math import inf
@@ -18,7 +18,7 @@ from envs.core.world import WorldConfig
 
 @dataclass
 class LotteryConfig(WorldConfig):
-    """No parameters of its own."""
+    """A configuration without parameters."""
 
     @property
     def observations(self):
@@ -30,7 +30,7 @@ class LotteryConfig(WorldConfig):
 
 
 class Lottery(PureEnv):
-    """The least that there is to it: a ticket a step, and one in eight ends the episode."""
+    """The smallest PureEnv: each step draws a ticket, and one in eight ends the episode."""
 
     schema = LotteryConfig
 
@@ -53,12 +53,12 @@ class Lottery(PureEnv):
 
 
 def play(env: PureEnv, steps: int) -> TensorDictBase:
-    """The states of all runs, with TorchRL's own resets, ``[*batch, steps]``."""
+    """Return the states of all runs, with TorchRL's own resets, ``[*batch, steps]``."""
     return env.rollout(steps, break_when_any_done=False).select(*WHEN, "ticket")
 
 
 def runs(env: PureEnv) -> list[tuple[int, int]]:
-    """Which episode of which seed each run begins with."""
+    """Return the seed and the episode with which each run begins."""
     start = env.reset()
     return list(
         zip(start["seed"].flatten().tolist(), start["episode"].flatten().tolist(), strict=True)
@@ -144,7 +144,7 @@ def test_a_partial_reset_leaves_the_other_runs_alone():
 
 @pytest.mark.parametrize("batch_size", [(), (3,), (2, 3)])
 def test_restart_does_what_reset_does(batch_size):
-    """TorchRL's loop, which branches on the data, and the loop that compiles: the same history."""
+    """TorchRL's loop, which branches on data, and the compilable loop give the same history."""
     env = Lottery(batch_size, seed=5)
     history = env.rollout(100, break_when_any_done=False).exclude("next", "success")
     assert (history["episode"] > 2).any()
@@ -168,7 +168,7 @@ def test_an_episode_starts_the_same_whatever_came_before():
 
 
 def test_an_end_and_a_cut_are_told_apart():
-    """Whoever learns bootstraps at the one and not at the other."""
+    """A learner bootstraps at a cut and not at an end."""
     history = Lottery([200], limit=5).rollout(40, break_when_any_done=False)["next"]
     ended, cut = history["terminated"], history["truncated"]
     assert (history["done"] == (ended | cut)).all()

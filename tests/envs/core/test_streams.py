@@ -1,4 +1,4 @@
-"""Random numbers: pcg4d against its twin and statistics, and what is made of its words."""
+"""Random numbers: pcg4d equals its twin and passes statistical tests, as do its numbers."""
 
 import math
 from itertools import pairwise, product
@@ -33,7 +33,7 @@ def numbers(words: tuple[Tensor, ...]) -> tuple[int, ...]:
 
 
 def sample(size: int = 2**14, stream: Stream = Stream.STEP) -> tuple[Tensor, ...]:
-    """The blocks of many runs at many steps."""
+    """Return the blocks of many runs at many steps."""
     seed, step = torch.arange(128).repeat(size // 128), torch.arange(size) // 128
     return streams.draw(seed, torch.full_like(seed, 7), step, stream)
 
@@ -57,7 +57,7 @@ def test_every_bit_of_the_input_changes_half_of_the_output():
         changed[position] ^= 1 << bit
         flips = torch.stack(streams.pcg4d(*changed.int())) ^ words
         ones = torch.stack([(flips >> i) & 1 for i in range(32)]).double().mean(-1)
-        # Bits that come in at the top have less of the word before them.
+        # The highest bits depend on less of the word before them.
         assert (ones - 0.5).abs().max() < (0.06 if bit < 24 else 0.5)
         assert ones.mean() == pytest.approx(0.5, abs=0.05)
 
@@ -83,7 +83,7 @@ def test_every_run_time_and_stream_has_words_of_its_own():
     blocks = torch.cat([torch.stack(streams.draw(*when, stream), -1) for stream in Stream])
     assert len(blocks) == len(Stream) * len(seeds) * len(episodes) * len(steps)
     assert len(blocks.unique(dim=0)) == len(blocks)
-    assert len(blocks.unique()) == blocks.numel()  # by chance two words in 3,456 may be the same
+    assert len(blocks.unique()) == blocks.numel()  # two equal words in 3,456 can happen by chance
 
 
 COUNT = 2**18
@@ -93,7 +93,7 @@ COUNT = 2**18
     ("seed_bits", "episode_bits"), [(0, 0), (18, 0), (0, 18), (9, 0), (0, 9), (6, 6)]
 )
 def test_bytes_of_neighbours_are_even_and_independent(seed_bits, episode_bits):
-    """Seeds, episodes and steps are small numbers in a row; the words must not show it."""
+    """Seeds, episodes and steps are small consecutive numbers; the words must not show it."""
     n = torch.arange(COUNT)
     seed, rest = n % 2**seed_bits, n >> seed_bits
     episode, step = rest % 2**episode_bits, rest >> episode_bits

@@ -1,4 +1,4 @@
-"""The follow-the-ball world: against its twin, at home in TorchRL, and a run on its own."""
+"""The follow-the-ball world equals its twin, works with TorchRL, and keeps runs independent."""
 
 import math
 from collections.abc import Callable
@@ -49,12 +49,12 @@ compiles = pytest.mark.filterwarnings(r"ignore:`torch\.jit\.\w+` is deprecated:D
 
 
 def play(env: FollowBall, policy: Policy, steps: int) -> TensorDictBase:
-    """What happened to all runs, with resets where one was due, ``[*batch, steps]``."""
+    """Return the history of all runs, ``[*batch, steps]``, with a reset after each end."""
     return env.rollout(steps, policy, break_when_any_done=False)
 
 
 def steer(env: FollowBall, *steering: float) -> TensorDictBase:
-    """The first step from new situations, with a given Δv for every run."""
+    """Return the first step of new situations, with a given Δv for every run."""
     action = torch.tensor(steering, dtype=env.dtype).view(*env.batch_size, 1)
     return env.step(env.reset().set("action", action))["next"]
 
@@ -69,7 +69,7 @@ ON_ONE_SIDE = {"start_side": "right", "other_view_rad": 0.2, "switch_side_after"
 @pytest.mark.parametrize("situations", [None, [(0.8, 0.1), (-3.0, -0.4), (0.0, 0.0)]])
 @pytest.mark.parametrize("side", ["both sides", "one side"])
 def test_it_equals_its_twin(policy, situations, side, world, one_side, request):
-    """Step by step, over several situations, in three runs whose seeds need more than a word."""
+    """Three runs over several situations; their seeds are longer than one word."""
     if side == "one side":
         world = replace(one_side, **ON_ONE_SIDE)
     seeds = torch.tensor([0, 2**32 - 1, 2**40 + 7])
@@ -86,7 +86,7 @@ def test_it_equals_its_twin(policy, situations, side, world, one_side, request):
 def twin_history(
     world: FollowBallConfig, seed: int, actions: Tensor, situation
 ) -> dict[str, Tensor]:
-    """The same keys as in a rollout's, from the twin, for a run's actions ``[steps, 1]``."""
+    """Return the twin's history for a run's actions ``[steps, 1]``, with a rollout's keys."""
     twin = FollowBallTwin(world, seed, 0, situation)
     rows = []
     for action in actions.flatten().tolist():
@@ -124,7 +124,7 @@ def test_a_situation_starts_at_the_origin_with_the_balls_own_start(world):
     assert torch.cat([start["x_m"], start["y_m"], start["heading_rad"]]).eq(0).all()
     assert torch.cat([start["ball_angle_rad"], start["ball_speed_radps"]], -1).equal(situations)
     assert start["step"].eq(0).all()
-    # The ball is at the angle φ₀ from the origin, and seen there but for the noise.
+    # The ball is at the angle φ₀ from the origin, and is seen there up to the noise.
     torch.testing.assert_close(start["bearing"][:, 0], situations[:, 0], rtol=0, atol=0.06)
 
 
@@ -182,7 +182,7 @@ def test_fixed_situations_broadcast_and_come_back_every_episode(situations, worl
         start = env.reset()
         assert start["ball_angle_rad"].eq(torch.tensor(0.4)).all()
         assert start["ball_speed_radps"].eq(torch.tensor(-0.15)).all()
-        for tensor in (given, *start.values()):  # what others do to them changes nothing
+        for tensor in (given, *start.values()):  # changing them changes nothing in the world
             tensor.zero_()
 
 
@@ -218,12 +218,12 @@ def test_no_situation_ends_in_fewer_steps(world):
         (1.0, 0.25, 0.125, 6),  # six strides lead to just the catch distance: a seventh is needed
         (1.0, 0.25, 0.3, 2),
         (0.3, 0.2, 0.25, 1),
-        (0.2, 0.3, 0.05, 1),  # near enough from the start
+        (0.2, 0.3, 0.05, 1),  # within the catch distance from the start
         (5.0, 0.2, 0.01, 120),  # too far away for the time
     ],
 )
 def test_the_fewest_steps_are_almost_reached(radius_m, catch_m, stride_m, fewest, world, straight):
-    """By a robot with the ball at rest right ahead."""
+    """The robot drives straight at a resting ball."""
     ahead = replace(
         world,
         circle_radius_m=radius_m,
@@ -237,7 +237,7 @@ def test_the_fewest_steps_are_almost_reached(radius_m, catch_m, stride_m, fewest
     assert fewest <= steps <= fewest + 1
 
 
-# -- at home in TorchRL ---------------------------------------------------------------------------
+# -- with TorchRL ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -324,7 +324,7 @@ def test_a_collector_collects_what_a_rollout_shows(world, follow):
     from torchrl.collectors import Collector
 
     def env():
-        # Without an InitTracker this TorchRL warns that the next will add it.
+        # Without an InitTracker, TorchRL warns that its next version will add one.
         return TransformedEnv(FollowBall(world, [4], seed=3), Compose(InitTracker(), RewardSum()))
 
     collector = Collector(env(), follow, frames_per_batch=4 * 80, total_frames=2 * 4 * 80)
@@ -358,7 +358,7 @@ def test_step_and_restart_trace_whole(world, follow):
         )
 
 
-# -- a run is on its own --------------------------------------------------------------------------
+# -- runs are independent -------------------------------------------------------------------------
 
 
 def test_set_seed_gives_the_runs_the_seeds_that_follow(world, follow):
@@ -374,7 +374,7 @@ def test_set_seed_gives_the_runs_the_seeds_that_follow(world, follow):
 
 @pytest.mark.parametrize("dtype", DTYPES, ids=str)
 def test_a_run_alone_equals_the_same_run_in_any_batch(dtype, world, follow):
-    """Bit for bit, in full lanes, whoever is reset beside it, and when."""
+    """The bits are equal in full lanes, whichever other runs are reset and when."""
     seeds = in_lanes(torch.tensor([77]))
     alone = play(FollowBall(world, [LANES], seed=seeds, dtype=dtype), follow, 200)
     assert alone["episode"].max() >= 3
@@ -417,7 +417,7 @@ def test_every_situation_is_another_one(world):
 
 
 def test_no_global_random_numbers(world, follow):
-    """They are neither drawn nor read."""
+    """The world neither draws nor reads them."""
 
     def history() -> TensorDictBase:
         env = FollowBall(world, [3], seed=7)

@@ -61,7 +61,7 @@ def test_the_wheels_difference_turns_the_robot(dv, x, y, heading):
 
 @pytest.mark.parametrize("side", [-1, 1], ids=["left", "right"])
 def test_constant_steering_drives_a_circle(side):
-    """Of radius L/(2|Δv|), to rounding, for as long as one likes."""
+    """Its radius is L/(2|Δv|), to rounding, for any duration."""
     amount = torch.linspace(0.01, 1, 100, dtype=torch.float64)
     radius_m = TRACK_WIDTH_M / (2 * amount)
     start = pose = Pose(*(torch.full_like(amount, value) for value in (1.0, -2.0, 0.7)))
@@ -88,7 +88,7 @@ def test_no_steering_drives_a_straight_line(x, y, heading):
 
 @given(st.floats(-1e-4, 1e-4))
 def test_hardly_any_steering_is_hardly_a_turn(dv):
-    """No division by almost zero: compared with the arc's Taylor series."""
+    """The result equals the arc's Taylor series, without a division by almost zero."""
     way_m = SPEED_MPS * TIME_STEP_S
     turn_rad = -2 * SPEED_MPS * dv / TRACK_WIDTH_M * TIME_STEP_S
     arc = poses(way_m * (1 - turn_rad**2 / 6), way_m * turn_rad / 2, turn_rad)

@@ -1,4 +1,4 @@
-"""The two ends of a situation and what they pay."""
+"""The two ends of a situation and their rewards."""
 
 import math
 
@@ -28,7 +28,7 @@ FAR, NEAR = 2.0, 0.1
         (0, -NEAR, 60, 1, True),
         (0, 0, 60, 1, True),
         (NEAR, NEAR, 120, 1, True),  # a catch at the very last step is a catch
-        (0.25, 0, 60, 0, False),  # at the very distance is not a catch
+        (0.25, 0, 60, 0, False),  # exactly at the distance is not a catch
         (-0.15, 0.2, 60, 0, False),
         (math.nextafter(0.25, 0), 0, 60, 1, True),
         (0.2, 0.2, 60, 0, False),  # a circle, not a square

@@ -1,4 +1,4 @@
-"""What the head sees: wrapped, noisy, clipped, in this order."""
+"""The head's reading is wrapped, then noisy, then clipped."""
 
 import math
 
@@ -20,7 +20,7 @@ def real(number: float) -> Tensor:
 def bearing(
     to_ball_rad: float, heading_rad: float = 0, noise_rad: float = 0, view_rad: float = 1
 ) -> float:
-    """The bearing of a ball in a direction of the world."""
+    """Return the bearing of a ball in a given direction of the world."""
     angles = real(to_ball_rad), real(heading_rad), real(noise_rad)
     return float(vision.bearing(*angles, view_rad))
 
@@ -60,7 +60,7 @@ def test_wrap_leaves_an_angle_within_half_a_turn_alone():
         (-0.3, 0, -0.3),  # to the right
         (0.3, 0.5, -0.2),  # from a robot that looks further to the left
         (0.9, 0.2 + 6 * math.pi, 0.7),  # that has turned about itself
-        (-3, 3, 2 * math.pi - 6),  # across the seam, behind the world's back
+        (-3, 3, 2 * math.pi - 6),  # across ±π
         (3, -3, 6 - 2 * math.pi),
     ],
 )

@@ -1,4 +1,4 @@
-"""Loggers side by side: none of them changes what is computed, and none can stop it."""
+"""Several loggers at once: none changes the results, and none can stop the training."""
 
 import sys
 from pathlib import Path
@@ -19,7 +19,7 @@ FILES = ("checkpoint.pt", "evaluations.csv", "learning_curve.png", "summary.json
 
 
 class Recording:
-    """A logger that takes notes, and fails in the end if it is told to."""
+    """A logger that records its calls, and fails at the end if told to."""
 
     log: ClassVar[list[str]] = []
     fails: ClassVar[tuple[str, ...]] = ()

@@ -1,4 +1,4 @@
-"""What is logged to MLflow, read back through its client."""
+"""MLflow's client reads back all that is logged."""
 
 import warnings
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is logged to TensorBoard, read back as TensorBoard reads it."""
+"""TensorBoard's reader reads back all that is logged."""
 
 import io
 from pathlib import Path

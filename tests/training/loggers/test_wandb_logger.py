@@ -1,4 +1,4 @@
-"""What is logged to Weights & Biases, read back from the files of its offline runs."""
+"""The files of Weights & Biases' offline runs hold all that is logged."""
 
 import csv
 import json
@@ -29,7 +29,7 @@ KEY = "0" * 40
 
 @pytest.fixture(autouse=True)
 def nobody_logged_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A user whom wandb doesn't know, and no settings of theirs."""
+    """Give wandb a user who isn't logged in and has no settings."""
     for name in [name for name in os.environ if name.startswith("WANDB")]:
         monkeypatch.delenv(name)
     monkeypatch.setenv("NETRC", str(tmp_path / "no.netrc"))
@@ -37,7 +37,7 @@ def nobody_logged_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.fixture(autouse=True, scope="module")
 def wandbs_process() -> Iterator[None]:
-    """Ended with the last test that it has served."""
+    """End wandb's process after the last test that uses it."""
     yield
     wandb.teardown()
 
@@ -183,7 +183,7 @@ def test_online_for_who_is_logged_in(
 
 
 def test_wandb_offline_is_heeded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """The command of that name sets it in a file, as ``wandb online`` unsets it."""
+    """``wandb offline`` writes it to a file, and ``wandb online`` removes it."""
     monkeypatch.setenv("WANDB_API_KEY", KEY)
     monkeypatch.setenv("WANDB_CONFIG_DIR", str(tmp_path))
     for mode, line in (("offline", "mode = offline"), ("online", "")):
@@ -259,7 +259,7 @@ def test_a_server_that_is_slow_in_the_end_is_told_of_once(
 
 
 def test_the_loss_of_wandbs_process_is_one_line(tmp_path: Path) -> None:
-    """Wandb itself would tell it at the exit, with a traceback, or end the command."""
+    """Wandb itself would print a traceback at the exit, or end the command."""
     write_job(tmp_path)
     script = f"""
 import os, signal, subprocess
@@ -298,7 +298,7 @@ def test_a_disk_that_is_full_for_wandb_leaves_the_results(
 
 
 def test_nothing_is_asked_though_there_is_nobody_to_answer(tmp_path: Path) -> None:
-    """As from cron: no standard input, no terminal, no login."""
+    """The command runs as from cron: without standard input, terminal and login."""
     write_job(tmp_path)
     script = f"""
 from contextlib import closing

@@ -12,7 +12,7 @@ _FULL, _LAST = 1, 4
 
 
 class WandbRun(NamedTuple):
-    """One run, with the values of JSON."""
+    """One run, whose values are those of JSON."""
 
     group: str
     job_type: str
@@ -26,7 +26,7 @@ class WandbRun(NamedTuple):
 
 
 def read_wandb_runs(directory: Path) -> list[WandbRun]:
-    """All runs below ``directory/wandb``."""
+    """Return all runs below ``directory/wandb``."""
     return [read_wandb_run(path) for path in sorted(directory.glob("wandb/*run-*/*.wandb"))]
 
 
@@ -55,7 +55,7 @@ def _values(items: Any) -> dict[str, Any]:
 
 
 def _records(path: Path) -> Iterator[Record]:
-    """The records of a LevelDB log after a header of 7 bytes.
+    """Yield the records of a LevelDB log, after a header of 7 bytes.
 
     https://github.com/google/leveldb/blob/main/doc/log_format.md
     """

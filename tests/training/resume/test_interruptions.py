@@ -1,4 +1,4 @@
-"""When to save, and when to end."""
+"""The moments at which a training is saved and ended."""
 
 import errno
 import os

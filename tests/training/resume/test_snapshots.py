@@ -39,7 +39,7 @@ def test_every_page_has_the_weights_right_at_that_moment() -> None:
 
 
 def state_at(situations: list[int], snapshot: list[float]) -> TensorDict:
-    """A program's state in which each run's snapshot is one number."""
+    """Return a state in which each run's snapshot is one number."""
     runs = len(situations)
     return TensorDict(
         {
@@ -81,7 +81,7 @@ def blank_book(runs: int) -> SnapshotBook:
 
 
 def assert_pages(book: SnapshotBook, numbers: list[list[float]]) -> None:
-    """The pages' snapshots are these numbers, and the steps too, except before learning."""
+    """Check that snapshots and steps are these numbers; no step was taken before learning."""
     expected = torch.tensor(numbers).float()
     assert torch.equal(book.pages["steps"][1:], expected[1:].long())
     assert (book.pages["steps"][0] == 0).all()
@@ -111,7 +111,7 @@ def test_a_snapshot_waits_until_the_next_is_due(every: int) -> None:
 
 
 def test_a_snapshot_that_nobody_collected_is_told() -> None:
-    """A world that says that its episodes take more steps than they do."""
+    """The world claims that its episodes take more steps than they do."""
     book = blank_book(runs=2)
     runs = torch.tensor([0, 1])
     with pytest.raises(ConfigError, match="fewest_steps of the world"):

@@ -1,6 +1,7 @@
-"""The same experiment as others would write it: by hand in C, and in JAX.
+"""The default experiment as others would write it: by hand in C, and in JAX.
 
-Neither belongs to this repository. Where one can't be had its column says "not measured".
+`make bench` compares with `limit.c` and `jax_scan.py`. `limit_mlp.c` and `limit_tiles.c` are the
+same experiment with another value function, to be run by hand: their first lines say how.
 """
 
 import re
@@ -10,12 +11,11 @@ from pathlib import Path
 
 from watched import Finished, run_watched
 
-ROOT = Path(__file__).parents[1]
-FOLDER = ROOT.parent / "shared" / "yardsticks"
-JAX_PYTHON = ROOT / "benchmarks" / ".jax" / "bin" / "python"
+FOLDER = Path(__file__).parent
+JAX_PYTHON = FOLDER.parent / ".jax" / "bin" / "python"
 
 _C_STEPS = 15_000_000
-"""Of all runs together, in each of the three times that the program takes."""
+"""The learning steps of all runs together, in each of the three times that the program measures."""
 
 _LINE = re.compile(
     r"runs=(?P<runs>\d+) (?P<rate>[\d.]+) M learning steps/s(.*first call (?P<first>[\d.]+) s)?"
@@ -24,19 +24,19 @@ _LINE = re.compile(
 
 @dataclass(frozen=True)
 class Reading:
-    """What a yardstick says about a number of runs."""
+    """A yardstick's measurement with one number of runs."""
 
     rate: float  # million learning steps a second
     first_call_seconds: float = 0.0  # compiling, and one call
     peak_bytes: int = 0
 
 
-def build_c_limit(folder: Path, directory: Path) -> Path | None:
-    """Compile the C program into a directory; None if there is no source or no compiler for it."""
-    source, program = folder / "limit.c", directory / "limit"
+def build_c_limit(directory: Path) -> Path | None:
+    """Compile the C program into a directory; return None, and say why, if that fails."""
+    program = directory / "limit"
     flags = ["-Ofast", "-march=native", "-fopenmp"]
     try:
-        run_watched(["gcc", *flags, str(source), "-o", str(program), "-lm"])
+        run_watched(["gcc", *flags, str(FOLDER / "limit.c"), "-o", str(program), "-lm"])
     except (OSError, subprocess.CalledProcessError) as error:
         print(f"C limit: not measured, {_reason(error)}", flush=True)
         return None
@@ -44,32 +44,34 @@ def build_c_limit(folder: Path, directory: Path) -> Path | None:
 
 
 def measure_c_limit(program: Path, runs: int) -> Reading:
+    """Run the C program with so many runs."""
     finished = run_watched([str(program), str(runs), str(max(1, _C_STEPS // runs))])
-    return _readings(finished)[runs]
+    return readings_of(finished)[runs]
 
 
-def measure_jax(folder: Path, python: Path) -> dict[int, Reading]:
-    """By the numbers of runs that the script has built in; none if it doesn't run."""
+def measure_jax(python: Path) -> dict[int, Reading]:
+    """Run the JAX script, which has its numbers of runs built in; return {} if it doesn't run."""
     try:
-        return _readings(run_watched([str(python), str(folder / "jax_scan.py")]))
+        return readings_of(run_watched([str(python), str(FOLDER / "jax_scan.py")]))
     except (OSError, subprocess.CalledProcessError) as error:
         print(f"JAX: not measured, {_reason(error)}", flush=True)
         return {}
 
 
 def jax_version() -> str:
-    """As its requirements pin it: ``jax==0.10.2``."""
-    lines = Path(__file__).with_name("jax-requirements.txt").read_text().splitlines()
+    """The version of JAX that the requirements pin, as ``jax==0.10.2``."""
+    lines = (FOLDER.parent / "jax-requirements.txt").read_text().splitlines()
     return next(line for line in lines if line.startswith("jax=="))
 
 
 def nearest(readings: dict[int, Reading], runs: int) -> Reading | None:
-    """The reading for about so many runs: 1,100 will do for 1,104."""
+    """Return the reading with the nearest number of runs, or None if it is more than 1 % away."""
     found = min(readings, key=lambda size: abs(size - runs), default=0)
     return readings[found] if abs(found - runs) <= 0.01 * runs else None
 
 
-def _readings(finished: Finished) -> dict[int, Reading]:
+def readings_of(finished: Finished) -> dict[int, Reading]:
+    """Return the readings that a yardstick has printed, by their numbers of runs."""
     return {
         int(line["runs"]): Reading(
             float(line["rate"]), float(line["first"] or 0), finished.peak_bytes
