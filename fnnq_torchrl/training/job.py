@@ -16,10 +16,10 @@ from envs.worlds import make_world
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
 from fnnq_torchrl.files.atomic import clear_leftovers
 from fnnq_torchrl.training.batch import Batch
-from fnnq_torchrl.training.jobs import SNAPSHOTS, Job, JobFailed
+from fnnq_torchrl.training.drawing import draw_job
+from fnnq_torchrl.training.jobs import PICTURE, SNAPSHOTS, Job, JobFailed
 from fnnq_torchrl.training.loggers import Loggers
 from fnnq_torchrl.training.memory import check_memory
-from fnnq_torchrl.training.pictures import learning_curve
 from fnnq_torchrl.training.results import (
     Outcome,
     read_summary,
@@ -30,12 +30,10 @@ from fnnq_torchrl.training.results import (
 from fnnq_torchrl.training.resume.interruptions import Interrupted, Interruptions
 from fnnq_torchrl.training.resume.keeper import Hand, HandsKeeper
 from fnnq_torchrl.training.resume.saved import SavedTraining
+from fnnq_torchrl.training.score import Score
 from fnnq_torchrl.training.terminal import Progress, announce, print_summary
 from fnnq_torchrl.training.trainer import Trainer
 from fnnq_torchrl.training.weights import save_checkpoint, save_snapshots
-
-PICTURE = "learning_curve.png"
-"""The file with the learning curve."""
 
 _WRITERS = 8
 """Threads that write files of different jobs."""
@@ -47,9 +45,9 @@ _NAMED = 5
 def run_job(config: Config, directory: Path) -> float:
     """Train all runs of a job and say what came of it.
 
-    Leaves ``checkpoint.pt``, ``snapshots.pt`` if it is to, ``evaluations.csv``,
-    ``learning_curve.png`` and, last of all, ``summary.json`` in the directory, and a table on the
-    screen.
+    Leaves ``checkpoint.pt``, ``snapshots.pt`` if it is to, ``evaluations.csv``, ``summary.json``
+    and, if it can be drawn, ``learning_curve.png`` in the directory, in this order, and a table on
+    the screen.
 
     Returns:
         The objective, the mean score over the runs.
@@ -67,7 +65,9 @@ def run_job(config: Config, directory: Path) -> float:
         [result] = next(run_batches([[Job(config, directory)]], pictures=True, loggers=loggers))
         if isinstance(result, Exception):
             raise result
-        print_summary(read_summary(directory / "summary.json"), directory / PICTURE)
+        picture = directory / PICTURE
+        summary = read_summary(directory / "summary.json")
+        print_summary(summary, picture if picture.exists() else None)
     return result
 
 
@@ -164,14 +164,13 @@ def _run_batch(
         job, (begin, end) = job_and_bounds
         runs = slice(begin, end)
         try:
-            return _write(job, outcome.of(runs), trainer.ledger.book.pages[:, runs], pictures)
+            return _write(job, outcome.of(runs), trainer.ledger.book.pages[:, runs])
         except OSError as error:
             return error
         except ValueError as error:  # a score that is no number
             return JobFailed(f"{job.directory}: {error}")
 
-    # Mostly the disk is waited for; but Matplotlib knows one thread only.
-    with ThreadPoolExecutor(1 if pictures else _WRITERS) as pool:
+    with ThreadPoolExecutor(_WRITERS) as pool:  # mostly they wait for the disk
         results = [*pool.map(write, others)]
     # The last job's directory holds training.pt, so its files are written last: a restart resumes.
     unwritten = next((result for result in results if isinstance(result, OSError)), None)
@@ -179,7 +178,11 @@ def _run_batch(
     if isinstance(results[-1], OSError):
         with suppress(OSError):  # mostly for the same reason; an earlier one stays
             saved.save(trainer.ledger, [])
-    else:
+    if pictures:  # last, and in this thread, since Matplotlib knows one thread only
+        for job, result in zip(batch.jobs, results, strict=True):
+            if isinstance(result, float):
+                draw_job(job)
+    if not isinstance(results[-1], OSError):
         saved.discard()
     return results
 
@@ -209,9 +212,8 @@ def _train(trainer: Trainer, saved: SavedTraining, interruptions: Interruptions)
     return outcome
 
 
-def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) -> float:
+def _write(job: Job, outcome: Outcome, pages: TensorDictBase) -> float:
     directory, config = job.directory, job.config
-    evaluations = directory / "evaluations.csv"
     for name in ("summary.json", SNAPSHOTS, PICTURE):  # an earlier one isn't of these files
         (directory / name).unlink(missing_ok=True)
     settings = asdict(config)
@@ -220,10 +222,8 @@ def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) ->
     save_checkpoint(directory / "checkpoint.pt", weights[-1], *runs)
     if config.checkpoint.snapshots:
         save_snapshots(directory / SNAPSHOTS, weights, outcome.situations, *runs)
-    write_evaluations(evaluations, outcome)
-    if pictures:
-        learning_curve(evaluations, directory / PICTURE, config.best_score, outcome.measure)
-    summary = summarise(outcome)
+    write_evaluations(directory / "evaluations.csv", outcome)
+    summary = summarise(outcome, Score.of(config).bounds)
     write_summary(directory / "summary.json", summary)
     return summary["mean_score"]
 
@@ -235,7 +235,7 @@ def _announce_diverged(outcome: Outcome) -> None:
     seeds = outcome.seed[outcome.diverged[:, -1]].tolist()
     announce(
         f"diverged: {len(seeds):,} of {outcome.runs:,} runs (seed {_some(seeds)}); they stopped, "
-        "and count as catching nothing from then on. A smaller alpha may help"
+        "and have the lowest score from then on. A smaller alpha may help"
     )
 
 

@@ -17,6 +17,9 @@ TRAINING = "training.pt"
 RESULTS = ("checkpoint.pt", "evaluations.csv", "summary.json")
 """The files that every finished job has, the last of them written last."""
 
+PICTURE = "learning_curve.png"
+"""The file with the learning curve."""
+
 SNAPSHOTS = "snapshots.pt"
 """The file with the weights of all evaluations, which a job leaves if it is to."""
 

@@ -4,6 +4,7 @@ import io
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
+from math import inf
 from pathlib import Path
 from types import UnionType
 from typing import Any, Self, TypedDict, cast, get_args, get_origin, get_type_hints
@@ -164,7 +165,7 @@ class Summary(TypedDict):
     """The keys of summary.json, in their order. Intervals are [low, high]."""
 
     runs: int
-    diverged_runs: int  # they count as catching nothing from then on
+    diverged_runs: int  # they have the lowest score from then on
     lam: list[float]  # the distinct values, rising
     learning_steps: int  # of all runs together
     # Of the batch: jobs that were trained together share these.
@@ -181,10 +182,15 @@ class Summary(TypedDict):
     confidence: float
 
 
-def summarise(outcome: Outcome) -> Summary:
-    """Return the job in a few numbers: means over its runs and their Student's t intervals."""
-    mean_score, mean_score_interval = _mean_over_runs(outcome.mean_score)
-    final_score, final_score_interval = _mean_over_runs(outcome.final_score)
+def summarise(outcome: Outcome, bounds: tuple[float, float] = (-inf, inf)) -> Summary:
+    """Return the job in a few numbers: means over its runs and their intervals.
+
+    Args:
+        outcome: that of its runs.
+        bounds: the lowest and the highest possible score; no interval goes beyond them.
+    """
+    mean_score, mean_score_interval = _mean_over_runs(outcome.mean_score, bounds)
+    final_score, final_score_interval = _mean_over_runs(outcome.final_score, bounds)
     seconds = outcome.train_seconds
     return Summary(
         runs=outcome.runs,
@@ -205,9 +211,11 @@ def summarise(outcome: Outcome) -> Summary:
     )
 
 
-def _mean_over_runs(samples: NDArray[np.float64]) -> tuple[float, list[float] | None]:
+def _mean_over_runs(
+    samples: NDArray[np.float64], bounds: tuple[float, float]
+) -> tuple[float, list[float] | None]:
     """Return the mean of the samples, ``[runs]``, and its interval where there is one."""
-    mean, low, high = mean_interval(samples, confidence=CONFIDENCE)
+    mean, low, high = mean_interval(samples, confidence=CONFIDENCE, bounds=bounds)
     return float(mean), None if samples.size == 1 else [float(low), float(high)]
 
 

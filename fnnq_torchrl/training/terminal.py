@@ -16,6 +16,7 @@ from rich.text import Text
 
 from fnnq_torchrl.training.intervals import mean_interval
 from fnnq_torchrl.training.results import CONFIDENCE, Summary, best_first
+from fnnq_torchrl.training.score import Score
 
 # Where there is no terminal, progress is one line each time another of so many parts is done.
 _PARTS = 5
@@ -119,13 +120,13 @@ def announce(line: str, console: Console | None = None) -> None:
         console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 
-def print_summary(summary: Summary, picture: Path, console: Console | None = None) -> None:
+def print_summary(summary: Summary, picture: Path | None, console: Console | None = None) -> None:
     """Print the numbers that a user asks for first, and where the picture is.
 
     Args:
         summary: the job's, whose scores are shown with two decimals.
         picture: shown relative to the current directory if it lies below it, on one line
-            however narrow the terminal.
+            however narrow the terminal. None if it couldn't be drawn.
         console: standard output, unless given.
     """
     console = console or Console()
@@ -148,13 +149,14 @@ def print_summary(summary: Summary, picture: Path, console: Console | None = Non
     rate = summary["learning_steps_per_second"]
     table.add_row("learning steps per second", "unknown" if rate is None else f"{rate:,.0f}")
     console.print(table)
-    _print_path(console, "learning curve", picture)
+    if picture is not None:
+        _print_path(console, "learning curve", picture)
 
 
 def print_sweep(
     scores: Sequence[tuple[str, NDArray[np.float64]]],
-    picture: Path,
-    measure: str = "successes",
+    picture: Path | None,
+    score: Score,
     console: Console | None = None,
 ) -> None:
     """Print what a sweep found, the best first, and where its picture is.
@@ -162,18 +164,18 @@ def print_sweep(
     Args:
         scores: each configuration's name, and the mean score of each of its runs, ``[runs]``.
         picture: shown as by :func:`print_summary`.
-        measure: what the scores are.
+        score: that of all configurations.
         console: standard output, unless given.
     """
     console = console or Console()
     table = Table()
     for heading in ("configuration", "runs", "mean score"):
         table.add_column(heading, overflow="fold")
-    order = best_first([of_runs for _, of_runs in scores], measure)
+    order = best_first([of_runs for _, of_runs in scores], score.measure)
     for name, of_runs in (scores[place] for place in order[:_ROWS]):
         if console.options.ascii_only:
             name = "".join(_LATIN.get(letter, letter) for letter in name)
-        mean, low, high = mean_interval(of_runs, confidence=CONFIDENCE)
+        mean, low, high = mean_interval(of_runs, confidence=CONFIDENCE, bounds=score.bounds)
         interval = None if len(of_runs) == 1 else [float(low), float(high)]
         table.add_row(
             Text(name), f"{len(of_runs):,}", f"{mean:.2f}, {_interval(interval, CONFIDENCE)}"
@@ -181,7 +183,8 @@ def print_sweep(
     console.print(table)
     if len(scores) > _ROWS:
         announce(f"the best {_ROWS} of {len(scores):,}; all are in summary.csv", console)
-    _print_path(console, "learning curves", picture)
+    if picture is not None:
+        _print_path(console, "learning curves", picture)
 
 
 def _print_path(console: Console, name: str, path: Path) -> None:

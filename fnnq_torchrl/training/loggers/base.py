@@ -21,6 +21,7 @@ from fnnq_torchrl.training.results import (
     read_evaluations,
     read_summary,
 )
+from fnnq_torchrl.training.score import Score
 
 _TABLES = ("evaluations.csv", "summary.json", "summary.csv")
 
@@ -67,6 +68,7 @@ class JobResults(Results):
         home = job.sweep or job.directory
         super().__init__(job.directory, home, os.path.relpath(job.directory, home.parent))
         self.job = job
+        self._score = Score.of(job.config)
 
     @cached_property
     def settings(self) -> dict[str, Any]:
@@ -78,9 +80,7 @@ class JobResults(Results):
     @cached_property
     def evaluations(self) -> Evaluations:
         """The content of evaluations.csv."""
-        return read_evaluations(
-            self.directory / "evaluations.csv", self.job.config.env.tested.measure
-        )
+        return read_evaluations(self.directory / "evaluations.csv", self._score.measure)
 
     @cached_property
     def summary(self) -> Summary:
@@ -101,7 +101,9 @@ class JobResults(Results):
         single run doesn't have. ``diverged`` is the number of runs that have diverged.
         """
         evaluations = self.evaluations
-        mean, low, high = mean_interval(evaluations.score, confidence=CONFIDENCE)
+        mean, low, high = mean_interval(
+            evaluations.score, confidence=CONFIDENCE, bounds=self._score.bounds
+        )
         columns = {
             "steps": evaluations.steps.mean(axis=0),
             "score": mean,

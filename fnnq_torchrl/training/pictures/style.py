@@ -1,11 +1,12 @@
-"""What all pictures have in common: colours, labels beside lines, titles and files."""
+"""The style that all pictures share: colours, labels beside lines, titles and files."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import rc_context, rcdefaults
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -23,6 +24,14 @@ LABEL_PITCH_PT = 1.35 * LABEL_PT
 """From one label's middle to the next one's, at least."""
 
 _DPI = 160
+
+
+@contextmanager
+def own_style() -> Iterator[None]:
+    """A block, or a decorated function, in which no matplotlibrc or rcParams of the user count."""
+    with rc_context():
+        rcdefaults()
+        yield
 
 
 def new_figure(width_in: float, height_in: float, title: str, caption: str) -> Figure:
