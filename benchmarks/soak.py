@@ -72,7 +72,7 @@ def main() -> None:
             job = Job(load_config(f"num_seeds={runs}"), Path())
             peak, foreseen = measure(runs).peak_bytes, sizes_of(Batch([job])).total
             rows.append([f"{runs:,}", in_bytes(peak), in_bytes(foreseen)])
-        print(table(["runs", "peak of the command", "foreseen"], rows))
+        print(table(["runs", "peak of the command", "estimate"], rows))
         return
     marks = soak(arguments.steps)
     rows = [[f"{mark.steps:,}", in_bytes(mark.resident_bytes)] for mark in marks]
