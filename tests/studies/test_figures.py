@@ -107,7 +107,7 @@ def test_every_label_is_linked_to_the_end_of_its_curve() -> None:
         (
             evaluations([0.2], 22),
             "Learning curve for λ = 0.2, 22 runs",
-            "line: mean over 22 runs; band: its 95 % confidence interval (Student's t), at most ±",
+            "line: mean over 22 runs; band: its 95 % confidence interval (Student's t), at most ",
         ),
         (
             evaluations([0, 0.4], 1000, count=3),
@@ -268,3 +268,10 @@ def test_long_labels_are_not_clipped_and_leave_the_curves_their_room() -> None:
     assert max(box.x1 for box in boxes) <= figure.bbox.width
     (axes,) = figure.axes
     assert axes.get_window_extent().width >= 5 * figure.dpi
+
+
+def test_configurations_of_one_run_stand_beside_others() -> None:
+    one, more = curve("one", 1), curve("more", 2)
+    figure = curves_figure([one._replace(scores=one.scores[:1]), more], "x", CATCHES)
+    shown = [text.get_text() for text in texts(figure)]
+    assert any(text.startswith("line: mean over 1 to 2 runs; band: ") for text in shown)

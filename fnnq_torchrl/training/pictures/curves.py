@@ -177,14 +177,14 @@ def _title(curves: Sequence[Curve], of: str) -> str:
 
 def _caption(curves: Sequence[Curve], intervals: Sequence[MeanInterval]) -> str:
     """Return what the lines and bands are."""
-    runs = [len(curve.scores) for curve in curves]
-    if max(runs) == 1:
+    widths = np.concatenate([interval.high - interval.low for interval in intervals])
+    if np.isnan(widths).all():
         return "line: a single run, which has no confidence interval"
     # In figures too, since over many runs the band is too narrow to be seen.
-    widest = np.nanmax([np.nanmax(interval.high - interval.low) for interval in intervals]) / 2
     return (
-        f"line: mean over {count_words(runs)}; band: its {100 * CONFIDENCE:g} % confidence "
-        f"interval (Student's t), at most ±{widest:.2g}"
+        f"line: mean over {count_words([len(curve.scores) for curve in curves])}; band: its "
+        f"{100 * CONFIDENCE:g} % confidence interval (Student's t), at most "
+        f"{np.nanmax(widths):.2g} wide"
     )
 
 
