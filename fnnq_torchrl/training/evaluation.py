@@ -48,7 +48,7 @@ class GreedyTest:
         return make_world(self.world, [lanes], dtype=like.dtype, device=like.device)
 
     def starts(self, number: Tensor) -> Tensor | None:
-        """Return the fixed starts with these numbers, ``[lanes, values]``; None of random ones."""
+        """Return the fixed starts with these numbers, ``[lanes, values]``; None if random."""
         return None if isinstance(self.situations, int) else self.situations[number]
 
     def make_step(self, lanes: int) -> Step:

@@ -39,7 +39,7 @@ _WRITERS = 8
 """Threads that write files of different jobs."""
 
 _NAMED = 5
-"""The most diverged runs whose seeds are printed."""
+"""At most so many seeds of diverged runs are printed."""
 
 
 def run_job(config: Config, directory: Path) -> float:

@@ -35,7 +35,7 @@ class Evaluations:
     The arrays are the file's columns, in this order. Later versions may add columns after these.
 
     Args:
-        measure: of the world, which its score is: ``successes``, ``return`` or ``length``.
+        measure: the measure of the score: ``successes``, ``return`` or ``length``.
 
     Raises:
         ValueError: on creation, if a shape or dtype is not as stated below, the first evaluation
@@ -140,11 +140,11 @@ EVALUATION_COLUMNS = tuple(_COLUMNS)
 
 
 def best_first(scores: Sequence[NDArray[Any]], measure: str) -> list[int]:
-    """Return the numbers of the configurations, from 0, the one with the best mean score first.
+    """Return the indices of configurations in the order of their mean scores, the best first.
 
     Args:
         scores: those of each configuration, ``[runs]``.
-        measure: of the scores; of ``length``, less is better.
+        measure: that of the scores; a smaller ``length`` is better.
     """
     sign = 1 if measure == "length" else -1
     return sorted(range(len(scores)), key=lambda place: sign * scores[place].mean())
