@@ -26,6 +26,9 @@ class WorldConfig(Parameters, ABC):
     measure: ClassVar[str] = "successes"
     """The score of a test: ``successes``, ``return`` or ``length``, where less is better."""
 
+    successes: ClassVar[str] = "successes"
+    """The word for the successes that a test counts, in the plural."""
+
     start_values: ClassVar[tuple[str, ...]] = ()
     """The names of the numbers of a fixed start; a world without any has random starts only."""
 

@@ -29,7 +29,7 @@ from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.batches import RunBatches, in_batches
 from fnnq_torchrl.launch.composition import key_of
 from fnnq_torchrl.launch.swept_jobs import SweptJob, compose_jobs
-from fnnq_torchrl.training.jobs import JobFailed, Result
+from fnnq_torchrl.training.jobs import PICTURE, JobFailed, Result
 
 if TYPE_CHECKING:
     from fnnq_torchrl.training.loggers import Loggers
@@ -86,10 +86,13 @@ class Multirun:
                 missing.append(job)
         if len(missing) < len(jobs):
             log.info(f"finished already: {len(jobs) - len(missing):,} of {len(jobs):,} jobs")
+        pictures = len(jobs) <= self._settings.pictures_up_to
         for job in missing:
             job.write_configuration()
         with env_override(self._config.hydra.job.env_set):
-            results = self._run(missing, pictures=len(jobs) <= self._settings.pictures_up_to)
+            results = self._run(missing, pictures)
+        if pictures:  # of finished jobs, which were killed before they had one
+            _draw([job for job in jobs if job.directory not in results])
         try:
             returns = [self._end(job, results) for job in jobs]
             self._log()
@@ -178,18 +181,27 @@ class Multirun:
     def _write_whole(self) -> None:
         """Write the sweep's own files, over all of its jobs so far."""
         from fnnq_torchrl.launch.sweep import SweptResult, write_sweep
+        from fnnq_torchrl.training.score import Score
 
         results = [
             SweptResult(
                 job.number,
                 {key_of(line): line.partition("=")[2] for line in job.overrides},
                 job.directory,
-                best=job.config.best_score,
-                measure=job.config.env.tested.measure,
+                Score.of(job.config),
             )
             for job in self._jobs
         ]
         write_sweep(self._directory, results)
+
+
+def _draw(jobs: Sequence[SweptJob]) -> None:
+    """Draw the learning curves that some finished jobs lack."""
+    for job in jobs:
+        if not (job.directory / PICTURE).exists():
+            from fnnq_torchrl.training.drawing import draw_job  # scipy takes a second
+
+            draw_job(job.job)
 
 
 def _check_directories(jobs: Sequence[SweptJob]) -> None:

@@ -7,12 +7,14 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
 
 from fnnq_torchrl.files.atomic import atomic_write, clear_leftovers
-from fnnq_torchrl.training.pictures import Curve, sweep_curves
+from fnnq_torchrl.training.drawing import draw_sweep
+from fnnq_torchrl.training.pictures.curve import Curve
 from fnnq_torchrl.training.pictures.words import key_words, setting_words
 from fnnq_torchrl.training.results import (
     EVALUATION_COLUMNS,
@@ -21,6 +23,7 @@ from fnnq_torchrl.training.results import (
     read_evaluations,
     read_summary,
 )
+from fnnq_torchrl.training.score import Score
 from fnnq_torchrl.training.terminal import print_sweep
 
 _WHICH_RUNS = ("seed", "num_seeds")
@@ -35,15 +38,13 @@ class SweptResult:
         number: of the job.
         overrides: what the sweep said of it, values by key.
         directory: with the result files.
-        best: the highest possible score, if it counts successes.
-        measure: what the score is.
+        score: that of its configuration.
     """
 
     number: int
     overrides: Mapping[str, str]
     directory: Path
-    best: int | None
-    measure: str
+    score: Score
 
 
 def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
@@ -68,13 +69,33 @@ def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
     if not done:
         return
     _write_evaluations(directory / "evaluations.csv", done, keys)
-    keys = [key for key in keys if key not in _WHICH_RUNS]
-    curves = _curves(done, keys)
+    _show(directory, done, [key for key in keys if key not in _WHICH_RUNS])
+
+
+def _show(directory: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> None:
+    """Draw the curves of finished jobs and print their table: one for each score, if they differ.
+
+    Args:
+        directory: that of the sweep.
+        jobs: finished.
+        keys: whose values tell a configuration from another.
+    """
+    by_score: dict[str, list[SweptResult]] = {}
+    for job in jobs:
+        by_score.setdefault(job.score.name, []).append(job)
     of = f"values of {key_words(keys[0])}" if len(keys) == 1 else "configurations"
-    picture = directory / "learning_curves.png"
-    best, measure = max(job.best or 0 for job in done) or None, done[0].measure
-    sweep_curves(curves, of, picture, best, measure)
-    print_sweep([(curve.label, curve.mean_score) for curve in curves], picture, measure)
+    pictures = []
+    for name, alike in by_score.items():
+        curves = _curves(alike, keys)
+        score = reduce(Score.joined, (job.score for job in alike))
+        suffix = f"_{name}" if len(by_score) > 1 else ""
+        picture = directory / f"learning_curves{suffix}.png"
+        draw_sweep(curves, of, picture, score)
+        pictures.append(picture)
+        scores = [(curve.label, curve.mean_score) for curve in curves]
+        print_sweep(scores, picture if picture.exists() else None, score)
+    for other in {*directory.glob("learning_curves*.png")} - {*pictures}:
+        other.unlink()  # of the jobs so far, before there was another score
 
 
 def swept_keys(jobs: Sequence[SweptResult]) -> list[str]:
@@ -149,7 +170,7 @@ def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
     for job in jobs:
         kind = tuple(job.overrides.get(key) for key in keys)
         groups.setdefault(kind, []).append(
-            read_evaluations(job.directory / "evaluations.csv", job.measure)
+            read_evaluations(job.directory / "evaluations.csv", job.score.measure)
         )
     return [
         Curve(

@@ -10,21 +10,21 @@ from fnnq_torchrl.training.jobs import Job
 
 
 class Batch:
-    """Some jobs as one.
+    """Jobs whose runs are trained together.
 
     Args:
-        jobs: equal but for `BATCHABLE`, at least one.
+        jobs: one or more, which differ only in the keys of `BATCHABLE`.
 
     Attributes:
-        jobs: these.
-        config: what they have in common.
+        jobs: all jobs.
+        config: the first job's; the others' have other values of those keys.
         size: the number of runs of all jobs.
-        engine: what runs their steps.
+        engine: runs the steps.
         directory: that of the last job, where the batch's training is saved. The last job's own
-            files are written when all the others' are: where one is missing, its are too.
+            files are written after all others, so the training is there until all are written.
 
     Raises:
-        ConfigError: the engine is to compile, and there is no C++ compiler.
+        ConfigError: the engine must compile, and there is no C++ compiler.
     """
 
     def __init__(self, jobs: Sequence[Job]) -> None:
@@ -36,5 +36,5 @@ class Batch:
 
     @cached_property
     def runs(self) -> Runs:
-        """The runs of all jobs, one job's after the other's."""
+        """The runs of all jobs, in the order of the jobs."""
         return Runs.of([job.config for job in self.jobs])

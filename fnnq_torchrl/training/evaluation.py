@@ -17,7 +17,10 @@ from fnnq_torchrl.engine.choice import Engine
 from fnnq_torchrl.engine.loops import Step
 
 FIRST_EPISODE = 2**32
-"""Evaluations draw their random numbers as episodes from here on, which learning never reaches."""
+"""The number of the first evaluated episode.
+
+Learning never gets this far, so no evaluation has the random numbers of an episode of learning.
+"""
 
 
 @dataclass(frozen=True)
@@ -25,9 +28,9 @@ class GreedyTest:
     """The world that an evaluation plays in, and the policy that plays.
 
     Attributes:
-        world: in which to play.
+        world: the one to play in.
         network: the value network, whose weights the snapshots replace.
-        situations: fixed starts, ``[tests, values]``, or the number of random ones.
+        situations: fixed starts, ``[tests, values]``, or the number of random starts.
     """
 
     world: WorldConfig
@@ -40,16 +43,16 @@ class GreedyTest:
         return self.situations if isinstance(self.situations, int) else len(self.situations)
 
     def make_env(self, lanes: int) -> PureEnv:
-        """Make the world for so many lanes."""
+        """Make the world for this number of lanes."""
         like = self.network.candidates
         return make_world(self.world, [lanes], seed=0, dtype=like.dtype, device=like.device)
 
     def starts(self, number: Tensor) -> Tensor | None:
-        """Return the fixed starts of these numbers, if there are any, ``[lanes, values]``."""
+        """Return the fixed starts with these numbers, ``[lanes, values]``; None if random."""
         return None if isinstance(self.situations, int) else self.situations[number]
 
     def make_step(self, lanes: int) -> Step:
-        """Make the step of playing for so many lanes."""
+        """Make the step of playing for this number of lanes."""
         env, policy = self.make_env(lanes), EpsilonGreedyPolicy(self.network, epsilon=0.0)
 
         def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
@@ -72,11 +75,11 @@ class GreedyTest:
 
 
 def no_results(evaluations: int, runs: int, tests: int, dtype: torch.dtype) -> TensorDict:
-    """Return the results of a test that nobody has played yet.
+    """Return the results of a test before it is played.
 
     Returns:
-        Batch size ``[evaluations, runs, tests]``: ``played`` and ``success`` (bool), ``return`` and
-        ``length`` (int32), on the CPU.
+        Batch size ``[evaluations, runs, tests]``: ``played`` and ``success`` (bool), ``return``
+        (``dtype``) and ``length`` (int32), on the CPU.
     """
     shape = (evaluations, runs, tests)
     return TensorDict(
@@ -96,13 +99,13 @@ class Playing:
     Random numbers are the run's own, new ones for every evaluation.
 
     Args:
-        test: what is played.
+        test: the test to play.
         seed: the runs' seeds, int64 ``[runs, 1]``.
         weights: the snapshots, by the network's names, batch size ``[evaluations, runs]``.
-        results: of :func:`no_results`, kept up to date.
-        engine: makes the loop, for ``lanes``.
-        lanes: how many situations are played side by side.
-        on_progress: is told how many situations, of all snapshots together, are played.
+        results: as :func:`no_results` makes them; kept up to date.
+        engine: makes the loop.
+        lanes: the number of situations that are played side by side.
+        on_progress: called with the number of situations played so far, of all snapshots together.
     """
 
     def __init__(
@@ -127,7 +130,7 @@ class Playing:
 
     @property
     def jobs(self) -> Tensor:
-        """The situations of snapshots that aren't played, int64."""
+        """The numbers of the situations that aren't played yet, int64."""
         return (~self._results["played"]).nonzero().squeeze(-1)
 
     def begin(self, jobs: Tensor) -> tuple[TensorDict, TensorDict]:

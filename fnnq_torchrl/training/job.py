@@ -16,10 +16,10 @@ from envs.worlds import make_world
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
 from fnnq_torchrl.files.atomic import clear_leftovers
 from fnnq_torchrl.training.batch import Batch
-from fnnq_torchrl.training.jobs import SNAPSHOTS, Job, JobFailed
+from fnnq_torchrl.training.drawing import draw_job
+from fnnq_torchrl.training.jobs import PICTURE, SNAPSHOTS, Job, JobFailed
 from fnnq_torchrl.training.loggers import Loggers
 from fnnq_torchrl.training.memory import check_memory
-from fnnq_torchrl.training.pictures import learning_curve
 from fnnq_torchrl.training.results import (
     Outcome,
     read_summary,
@@ -30,44 +30,44 @@ from fnnq_torchrl.training.results import (
 from fnnq_torchrl.training.resume.interruptions import Interrupted, Interruptions
 from fnnq_torchrl.training.resume.keeper import Hand, HandsKeeper
 from fnnq_torchrl.training.resume.saved import SavedTraining
+from fnnq_torchrl.training.score import Score
 from fnnq_torchrl.training.terminal import Progress, announce, print_summary
 from fnnq_torchrl.training.trainer import Trainer
 from fnnq_torchrl.training.weights import save_checkpoint, save_snapshots
-
-PICTURE = "learning_curve.png"
-"""The file with the learning curve."""
 
 _WRITERS = 8
 """Threads that write files of different jobs."""
 
 _NAMED = 5
-"""Diverged runs that are named; the others are counted."""
+"""At most so many seeds of diverged runs are printed."""
 
 
 def run_job(config: Config, directory: Path) -> float:
-    """Train all runs of a job and say what came of it.
+    """Train all runs of a job, write its files and print its table.
 
-    Leaves ``checkpoint.pt``, ``snapshots.pt`` if it is to, ``evaluations.csv``,
-    ``learning_curve.png`` and, last of all, ``summary.json`` in the directory, and a table on the
-    screen.
+    The files are, in this order, ``checkpoint.pt``, ``snapshots.pt`` with
+    ``checkpoint.snapshots=true``, ``evaluations.csv``, ``summary.json`` and, if it can be drawn,
+    ``learning_curve.png``.
 
     Returns:
         The objective, the mean score over the runs.
 
     Raises:
-        OutOfRange: the device isn't there.
+        OutOfRange: the machine lacks the device.
         Interrupted: a signal has ended the work, which is saved.
         Lost: a signal has ended the work, which couldn't be saved.
-        ConfigError: the job needs more memory than there is; a saved training isn't this one's, or
-            is damaged; or the engine is to compile, and the compiler isn't there or fails.
+        ConfigError: the job needs more memory than is free; a saved training is damaged or belongs
+            to another job; or the engine must compile, and the compiler is missing or fails.
         OSError: a file can't be written.
     """
     with closing(Loggers()) as loggers:
-        # Whatever signal came while the files were written: there is nothing left to be interrupted
+        # A signal that came while the files were written is ignored: the job is finished.
         [result] = next(run_batches([[Job(config, directory)]], pictures=True, loggers=loggers))
         if isinstance(result, Exception):
             raise result
-        print_summary(read_summary(directory / "summary.json"), directory / PICTURE)
+        picture = directory / PICTURE
+        summary = read_summary(directory / "summary.json")
+        print_summary(summary, picture if picture.exists() else None)
     return result
 
 
@@ -80,27 +80,27 @@ def run_batches(
 ) -> Iterator[list[float | Exception]]:
     """Train the jobs of each batch side by side.
 
-    A job leaves the files that it would leave alone, the same bit for bit but for the wall times
-    in ``summary.json``, which are its batch's.
+    A job's files are the same as if it were trained alone, bit for bit, except for the wall times
+    in ``summary.json``: these are the batch's.
 
     Args:
-        batches: of jobs that are equal but for `fnnq_torchrl.training.jobs.BATCHABLE`.
-        pictures: whether each job gets its ``learning_curve.png``; they take longer to draw than
-            many a run takes to learn.
-        loggers: the command's, who closes them; if not given, there are some for these jobs alone.
-        interruptions: say when to save and when to end. By default each batch has its own, which
+        batches: each of jobs that differ only in `fnnq_torchrl.training.jobs.BATCHABLE`.
+        pictures: draw each job's ``learning_curve.png``, which takes longer than some runs take to
+            learn.
+        loggers: those of the command, which closes them. By default, these jobs have their own.
+        interruptions: tell when to save and when to end. By default, each batch has its own, which
             save every ``checkpoint.every_s``.
 
     Yields:
-        The results of a batch's jobs. One that failed leaves the others as they are.
+        The results of each batch's jobs. A job that fails does not affect the others.
 
     Raises:
-        OutOfRange: a device isn't there; before any batch begins.
-        ConfigError: a batch needs more memory than there is, or a saved training isn't this one's,
-            or is damaged; before any batch begins. Or an engine is to compile, and the compiler
-            isn't there, or fails; or a logger's library isn't there, or a login that it's to use.
-        Interrupted: a signal has ended the work, which is saved. One that comes while files are
-            written or logged does so when its batch is done, and its results are yielded.
+        OutOfRange: the machine lacks a device; before any batch begins.
+        ConfigError: before any batch begins: one needs more memory than is free, a saved training
+            is damaged or belongs to other jobs, or a logger lacks its library or its login. Later:
+            an engine must compile, and the compiler is missing or fails.
+        Interrupted: a signal has ended the work, which is saved. A signal that comes while files
+            are written or logged ends the work after that batch, whose results are yielded first.
         Lost: a signal has ended the work, which couldn't be saved.
     """
     if loggers is None:
@@ -123,9 +123,9 @@ def run_batches(
                 results = _run_batch(batch, training, pictures, work)
             except (ConfigError, Interrupted):
                 raise
-            except Exception as error:  # a bug, or too little memory: the other batches may do
+            except Exception as error:  # a bug, or no memory left: other batches may succeed
                 results = [error] * len(batch.jobs)
-            # Of jobs whose files are there, and in this thread: not all loggers know of others.
+            # Only jobs whose files are written, and in this thread: some loggers allow no other.
             for job, result in zip(batch.jobs, results, strict=True):
                 if isinstance(result, float):
                     loggers.log_job(job)
@@ -134,12 +134,12 @@ def run_batches(
 
 
 def _check(batch: Batch) -> None:
-    """Refuse what can't be computed, and remove what killed processes have left."""
+    """Refuse a batch that this machine can't train, and remove the leftovers of killed jobs."""
     config = batch.config
     device = torch.device(config.machine.device)
     found = torch.cuda.device_count()
     if device.type == "cuda" and found <= (device.index or 0):
-        allowed = f"there: this machine has {found} CUDA devices"
+        allowed = f"a device of this machine, which has {found} CUDA devices"
         raise OutOfRange("machine.device", config.machine.device, allowed)
     if is_own(config.env.kind):
         dtype = getattr(torch, config.machine.dtype)
@@ -164,28 +164,31 @@ def _run_batch(
         job, (begin, end) = job_and_bounds
         runs = slice(begin, end)
         try:
-            return _write(job, outcome.of(runs), trainer.ledger.book.pages[:, runs], pictures)
+            return _write(job, outcome.of(runs), trainer.ledger.book.pages[:, runs])
         except OSError as error:
             return error
         except ValueError as error:  # a score that is no number
             return JobFailed(f"{job.directory}: {error}")
 
-    # Mostly the disk is waited for; but Matplotlib knows one thread only.
-    with ThreadPoolExecutor(1 if pictures else _WRITERS) as pool:
+    with ThreadPoolExecutor(_WRITERS) as pool:  # mostly they wait for the disk
         results = [*pool.map(write, others)]
-    # The last job's directory holds training.pt, so its files are written last: a restart resumes.
+    # The last job's directory holds training.pt. Its files come last, so that a restart finds it.
     unwritten = next((result for result in results if isinstance(result, OSError)), None)
     results.append(unwritten or write(last))
     if isinstance(results[-1], OSError):
-        with suppress(OSError):  # mostly for the same reason; an earlier one stays
+        with suppress(OSError):  # mostly it fails for the same reason; the last save stays
             saved.save(trainer.ledger, [])
-    else:
+    if pictures:  # last, and in this thread, since Matplotlib knows one thread only
+        for job, result in zip(batch.jobs, results, strict=True):
+            if isinstance(result, float):
+                draw_job(job)
+    if not isinstance(results[-1], OSError):
         saved.discard()
     return results
 
 
 def _train(trainer: Trainer, saved: SavedTraining, interruptions: Interruptions) -> Outcome:
-    """All of it, or what was left of it; saved from time to time, and when a signal ends it."""
+    """Train and test the runs, from where they were saved; save at intervals and at signals."""
     if saved.restore(trainer.ledger):
         announce(f"going on from {saved.path}")
     told = set()
@@ -209,33 +212,30 @@ def _train(trainer: Trainer, saved: SavedTraining, interruptions: Interruptions)
     return outcome
 
 
-def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) -> float:
+def _write(job: Job, outcome: Outcome, pages: TensorDictBase) -> float:
     directory, config = job.directory, job.config
-    evaluations = directory / "evaluations.csv"
-    for name in ("summary.json", SNAPSHOTS, PICTURE):  # an earlier one isn't of these files
+    for name in ("summary.json", SNAPSHOTS, PICTURE):  # earlier ones are of other runs
         (directory / name).unlink(missing_ok=True)
     settings = asdict(config)
-    del settings["logger"]  # which has no say in the weights, and may not be there where they go
+    del settings["logger"]  # no weight depends on it, and its libraries may be missing elsewhere
     weights, runs = pages["weights"], (outcome.seed, outcome.lam, settings)
     save_checkpoint(directory / "checkpoint.pt", weights[-1], *runs)
     if config.checkpoint.snapshots:
         save_snapshots(directory / SNAPSHOTS, weights, outcome.situations, *runs)
-    write_evaluations(evaluations, outcome)
-    if pictures:
-        learning_curve(evaluations, directory / PICTURE, config.best_score, outcome.measure)
-    summary = summarise(outcome)
+    write_evaluations(directory / "evaluations.csv", outcome)
+    summary = summarise(outcome, Score.of(config).bounds)
     write_summary(directory / "summary.json", summary)
     return summary["mean_score"]
 
 
 def _announce_diverged(outcome: Outcome) -> None:
-    """One line, if runs have diverged."""
+    """Print a line if runs have diverged."""
     if not outcome.diverged_runs:
         return
     seeds = outcome.seed[outcome.diverged[:, -1]].tolist()
     announce(
         f"diverged: {len(seeds):,} of {outcome.runs:,} runs (seed {_some(seeds)}); they stopped, "
-        "and count as catching nothing from then on. A smaller alpha may help"
+        "and have the worst score from then on. A smaller alpha may help"
     )
 
 

@@ -1,4 +1,4 @@
-"""Jobs: what to train, where its files go, and what comes of it. No torch here."""
+"""Jobs: their configurations, files and results. No torch here."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ BATCHABLE = (*PER_RUN, "num_seeds")
 """The keys in which jobs of one batch may differ; in all others they are equal."""
 
 ASIDE = ("resume", "checkpoint", "logger")
-"""The keys on which no result depends: how training is saved and gone on with, and its loggers."""
+"""The keys on which no result depends: those of saving, resuming and logging."""
 
 TRAINING = "training.pt"
 """The file of a training that isn't finished."""
@@ -17,8 +17,11 @@ TRAINING = "training.pt"
 RESULTS = ("checkpoint.pt", "evaluations.csv", "summary.json")
 """The files that every finished job has, the last of them written last."""
 
+PICTURE = "learning_curve.png"
+"""The file with the learning curve."""
+
 SNAPSHOTS = "snapshots.pt"
-"""The file with the weights of all evaluations, which a job leaves if it is to."""
+"""The file with the weights of all evaluations, written with ``checkpoint.snapshots=true``."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,7 @@ class Job:
 
 
 class JobFailed(Exception):
-    """A job that ended without its result; the text is one line that says why."""
+    """A job has ended without a result; the message is one line with the reason."""
 
 
 Result = float | Exception | None

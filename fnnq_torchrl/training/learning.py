@@ -1,4 +1,4 @@
-"""Runs that learn, as jobs on lanes."""
+"""Learning as a task of the scheduler: each run is a job on a lane."""
 
 from collections.abc import Callable
 
@@ -10,18 +10,18 @@ from fnnq_torchrl.engine.loops import Loop
 from fnnq_torchrl.training.resume.ledger import Ledger
 
 _MOST_STEPS = 1_000
-"""Between two visits of the keeper: some seconds if steps are eager, much less in a native loop."""
+"""The most steps between two visits of the keeper: some seconds if eager, much less if native."""
 
 
 class Learning:
-    """The :class:`.Task` of all runs of a job: each has its situations to learn.
+    """The :class:`.Task` of learning: each run is a job, done after all its situations.
 
     Args:
         learner: one learning step, for as many runs as there are lanes.
-        loop: of that step.
-        run: what each run is, ``[runs]``.
-        ledger: what is done of them so far; kept up to date.
-        on_progress: is told how many situations, of all runs together, are done.
+        loop: repeats that step.
+        run: the values of each run, batch size ``[runs]``.
+        ledger: the progress of the runs; kept up to date.
+        on_progress: called with the number of situations learned so far, of all runs together.
     """
 
     def __init__(
@@ -34,15 +34,15 @@ class Learning:
     ) -> None:
         self.run = run
         self.loop = loop
-        # In so few steps no run can come to a second snapshot. Nor may they take long, since a
-        # training is saved between them.
+        # Few enough that no run takes two snapshots within them, and that they are soon over: a
+        # training is saved only between them.
         self.steps = min(learner.env.world.fewest_steps * learner.evaluate_every, _MOST_STEPS)
         self._learner, self._ledger, self._on_progress = learner, ledger, on_progress
         self._situations = run["situations"].squeeze(-1).cpu()
 
     @property
     def jobs(self) -> Tensor:
-        """The runs that aren't done, int64."""
+        """The numbers of the runs that aren't done, int64."""
         return (self._ledger.learned < self._situations).nonzero().squeeze(-1)
 
     def begin(self, jobs: Tensor) -> tuple[TensorDictBase, TensorDictBase]:

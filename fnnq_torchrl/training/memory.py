@@ -1,6 +1,6 @@
-"""An estimate of the memory that a batch of runs will take, and what there is, before it begins.
+"""An estimate of a batch's memory, compared with the free memory before the batch begins.
 
-It is made from the sizes alone; `benchmarks/soak.py` compares it with what jobs really take.
+The estimate is made from sizes alone; `benchmarks/soak.py` compares it with what jobs really take.
 """
 
 from collections.abc import Iterator
@@ -19,22 +19,22 @@ from fnnq_torchrl.engine.lanes import lanes_for
 from fnnq_torchrl.training.batch import Batch
 
 _MUCH = 1 / 4
-"""The part of the free memory from which on a batch is announced."""
+"""The user is told of a batch that needs more than this part of the free memory."""
 
 _NUMBER = 8
 """Bytes of an int64, a float64 or a reference to a Python object."""
 
 _OF_PYTHON = 6 * _NUMBER
-"""Bytes of a small Python object that stands in a list, with its reference."""
+"""Bytes of a small Python object in a list, with its reference."""
 
 _BASE = 600 * 2**20
 """Bytes of the process before it has any run: torch, TorchRL, the traced step."""
 
 _COLUMNS = 40
-"""Columns of numbers of each run: its values as lists and as tensors, of the jobs and the batch."""
+"""Numbers kept of each run: its values as lists and as tensors, in its job and in the batch."""
 
 _COPIES = 4
-"""Numbers that a step computes for each candidate action, eagerly, which takes the most."""
+"""Numbers that an eager step computes for each candidate action; a native one needs fewer."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class Sizes:
     """The sizes that a batch's memory depends on.
 
     Attributes:
-        runs: in the batch.
-        evaluations: of each run, the one before learning included.
-        tests: situations in each.
-        weights: of a run.
-        candidates: actions among which a run seeks the best.
-        window: steps that a run's trace keeps, 1 if it isn't a window.
+        runs: runs of the batch.
+        evaluations: evaluations of each run, the one before learning included.
+        tests: situations of each evaluation.
+        weights: weights of each run.
+        candidates: candidate actions.
+        window: steps that a run's trace keeps; 1 if it isn't a window.
         lanes: runs that learn at once, of all workers together.
-        bytes: of a weight.
+        bytes: bytes of a weight.
     """
 
     runs: int
@@ -64,7 +64,7 @@ class Sizes:
     @property
     def kept(self) -> int:
         """Bytes that all evaluations take: weights, steps, the results of their tests."""
-        of_test = 2 + self.bytes + 4  # whether it is played and succeeds, return, length
+        of_test = 2 + self.bytes + 4  # two flags (played, success), return, length
         of_evaluation = self.weights * self.bytes + _NUMBER + self.tests * of_test + 1
         return self.runs * (self.evaluations * of_evaluation + _COLUMNS * _NUMBER)
 
@@ -92,7 +92,7 @@ def sizes_of(batch: Batch) -> Sizes:
     """Return the sizes of a batch."""
     config, engine, runs = batch.config, batch.engine, batch.size
     dtype: torch.dtype = getattr(torch, config.machine.dtype)
-    # Tensors that have a shape, and no memory; but a network of a user's own may look at them.
+    # Meta tensors have a shape and take no memory. A user's own network may need real values.
     device = "cpu" if is_own(config.value.kind) else "meta"
     candidates = make_candidates(config, dtype, device)
     network = make_value_network(config.value, candidates, runs=1)
@@ -112,10 +112,10 @@ def check_memory(batch: Batch) -> str | None:
     """Refuse a batch that this machine's memory can't hold.
 
     Returns:
-        One line for a batch that will take much of it; None for any other.
+        One line on a batch that will take much of it; None for any other.
 
     Raises:
-        ConfigError: it would need more than there is.
+        ConfigError: the batch needs more than is free.
     """
     config, runs = batch.config, batch.size
     sizes, free = sizes_of(batch), available(config.machine.device)
@@ -130,7 +130,7 @@ def check_memory(batch: Batch) -> str | None:
 
 
 def _smaller(config: Config, sizes: Sizes) -> str:
-    """The keys to make smaller: those of what takes the most."""
+    """Return the advice: the keys of the largest part of the memory, to be made smaller."""
     if sizes.at_work > max(sizes.kept, sizes.on_top):
         keys = ["action.candidates", "value"] + ["window"] * (config.trace == "window")
         return f"smaller {' or '.join(keys)} would do"
@@ -142,10 +142,11 @@ def _gigabytes(count: float) -> str:
 
 
 def available(device: str = "cpu") -> float:
-    """Return the bytes that there are for a job: infinitely many where the system doesn't say.
+    """Return the bytes that are free for a job, or infinity if the system doesn't tell.
 
     Args:
-        device: where the runs are; on a GPU, what both it and the machine have left counts.
+        device: that of the runs. For a GPU, it is the smaller of its own free memory and the
+            machine's.
     """
     of_device = inf if device == "cpu" else torch.cuda.mem_get_info(device)[0]
     return min(_free_of_machine(), *_limits_of_groups(), of_device)
@@ -162,7 +163,7 @@ def _free_of_machine() -> float:
 def _limits_of_groups(
     root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")
 ) -> Iterator[int]:
-    """The limits of the control groups that this process is in, as a cluster's job is (Linux)."""
+    """Yield the limits of this process's control groups (Linux), as a cluster sets them."""
     if not own.exists():
         return
     for line in own.read_text().splitlines():

@@ -1,4 +1,4 @@
-"""From a finished job to what it has learned to do."""
+"""The policy that a finished job has learned."""
 
 from pathlib import Path
 
@@ -16,9 +16,9 @@ def load_policy(
 
     Args:
         run: the job's directory.
-        seed: of one of its runs; all of them if not given.
-        own: whether to import classes of the user's own that the job's configuration names
-            (``module:Class``), as that of a world. Not for jobs that somebody else has run.
+        seed: that of one run. If not given, the policy is that of all runs.
+        own: import the classes of the user's own, such as a world, that the job's configuration
+            names (``module:Class``). Don't set this for a job of somebody else.
 
     Returns:
         A policy for environments of batch size ``[1]``, or ``[runs]`` for all runs.

@@ -4,6 +4,7 @@ import io
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
+from math import inf
 from pathlib import Path
 from types import UnionType
 from typing import Any, Self, TypedDict, cast, get_args, get_origin, get_type_hints
@@ -23,22 +24,22 @@ _RUN, _EVALUATION = "runs", "evaluations"
 
 
 def _column(dtype: str, *axes: str, name: str | None = None) -> Any:
-    """A column of evaluations.csv, under its own name or the field's, with the array's axes."""
+    """A field that is a column of evaluations.csv, under ``name`` or its own name."""
     return field(metadata={"dtype": np.dtype(dtype), "axes": axes, "name": name})
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluations:
-    """What evaluations.csv holds: the scores of all runs, all evaluated at the same moments.
+    """The content of evaluations.csv: the scores of all runs, all evaluated at the same moments.
 
-    Its arrays, in their order, are the file's columns, which stay first and in this order for good.
+    The arrays are the file's columns, in this order. Later versions may add columns after these.
 
     Args:
-        measure: what the score is, as the world has it: ``successes``, ``return`` or ``length``.
+        measure: the measure of the score: ``successes``, ``return`` or ``length``.
 
     Raises:
         ValueError: on creation, if a shape or dtype is not as stated below, the first evaluation
-            is not the one before learning, or there is no other.
+            is not the one before learning, or it is the only one.
     """
 
     seed: NDArray[np.int64] = _column("i8", _RUN)
@@ -49,7 +50,7 @@ class Evaluations:
     steps: NDArray[np.int64] = _column("i8", _RUN, _EVALUATION)
     # Episodes of the test that succeeded.
     catches: NDArray[np.int64] = _column("i8", _RUN, _EVALUATION)
-    # Whether the run had diverged; it then has no catch.
+    # True if the run had diverged; it then has no catch.
     diverged: NDArray[np.bool_] = _column("?", _RUN, _EVALUATION)
     # The means over the test's episodes, in the world's rewards and in steps.
     returns: NDArray[np.float64] = _column("f8", _RUN, _EVALUATION, name="return")
@@ -73,8 +74,8 @@ class Evaluations:
             or np.any(np.diff(self.situations) <= 0)
         ):
             raise ValueError(
-                "situations must be 0 at the first evaluation and rise at each of the others, "
-                f"of which there must be one; got {self.situations.tolist()}"
+                "situations must be 0 at the first of two or more evaluations, and rise at each "
+                f"later one; got {self.situations.tolist()}"
             )
 
     @property
@@ -109,16 +110,19 @@ class Evaluations:
 
     @property
     def mean_score(self) -> NDArray[np.float64]:
-        """Mean score of each run after learning began, so without its first: ``[runs]``."""
+        """Mean score of each run without the evaluation before learning, ``[runs]``."""
         return self.score[:, 1:].mean(axis=1)
 
     @property
     def final_score(self) -> NDArray[np.float64]:
-        """Mean score of each run over its last ``FINAL_EVALUATIONS`` of those: ``[runs]``."""
+        """Mean score of each run over its last ``FINAL_EVALUATIONS`` at most, ``[runs]``.
+
+        The evaluation before learning is none of them.
+        """
         return self.score[:, 1:][:, -FINAL_EVALUATIONS:].mean(axis=1)
 
     def of(self, runs: slice) -> Self:
-        """Return the same of some of the runs."""
+        """Return the evaluations of some of the runs."""
         arrays = {
             item.name: getattr(self, item.name)[runs]
             for item in _COLUMNS.values()
@@ -136,11 +140,11 @@ EVALUATION_COLUMNS = tuple(_COLUMNS)
 
 
 def best_first(scores: Sequence[NDArray[Any]], measure: str) -> list[int]:
-    """Return the places of some configurations' scores, the best mean first.
+    """Return the indices of configurations in the order of their mean scores, the best first.
 
     Args:
-        scores: of each, ``[runs]``.
-        measure: what they are. Of ``length``, less is better.
+        scores: those of each configuration, ``[runs]``.
+        measure: that of the scores; a smaller ``length`` is better.
     """
     sign = 1 if measure == "length" else -1
     return sorted(range(len(scores)), key=lambda place: sign * scores[place].mean())
@@ -150,7 +154,7 @@ def best_first(scores: Sequence[NDArray[Any]], measure: str) -> list[int]:
 class Outcome(Evaluations):
     """Finished runs: their evaluations, and the wall time that their batch took, part by part.
 
-    A batch is what was trained together: a job's runs, or those of several jobs.
+    A batch is a set of runs that were trained together: those of one job or of several.
     """
 
     batch_runs: int
@@ -164,16 +168,16 @@ class Summary(TypedDict):
     """The keys of summary.json, in their order. Intervals are [low, high]."""
 
     runs: int
-    diverged_runs: int  # they count as catching nothing from then on
+    diverged_runs: int  # from then on, they have the worst possible score
     lam: list[float]  # the distinct values, rising
     learning_steps: int  # of all runs together
-    # Of the batch: jobs that were trained together share these.
+    # Of the whole batch, and so equal in all jobs that were trained together.
     batch_runs: int
     train_seconds: float
     compile_seconds: float
     evaluate_seconds: float
     learning_steps_per_second: float | None  # null if no time was measured
-    measure: str  # what the scores are: successes, return or length
+    measure: str  # of the scores: successes, return or length
     mean_score: float
     mean_score_interval: list[float] | None  # null for a single run, which has none
     final_score: float
@@ -181,10 +185,15 @@ class Summary(TypedDict):
     confidence: float
 
 
-def summarise(outcome: Outcome) -> Summary:
-    """Return the job in a few numbers: means over its runs and their Student's t intervals."""
-    mean_score, mean_score_interval = _mean_over_runs(outcome.mean_score)
-    final_score, final_score_interval = _mean_over_runs(outcome.final_score)
+def summarise(outcome: Outcome, bounds: tuple[float, float] = (-inf, inf)) -> Summary:
+    """Return a job's summary: means over its runs, and their intervals.
+
+    Args:
+        outcome: of the job's runs.
+        bounds: the lowest and the highest possible score; no interval goes beyond them.
+    """
+    mean_score, mean_score_interval = _mean_over_runs(outcome.mean_score, bounds)
+    final_score, final_score_interval = _mean_over_runs(outcome.final_score, bounds)
     seconds = outcome.train_seconds
     return Summary(
         runs=outcome.runs,
@@ -205,9 +214,11 @@ def summarise(outcome: Outcome) -> Summary:
     )
 
 
-def _mean_over_runs(samples: NDArray[np.float64]) -> tuple[float, list[float] | None]:
+def _mean_over_runs(
+    samples: NDArray[np.float64], bounds: tuple[float, float]
+) -> tuple[float, list[float] | None]:
     """Return the mean of the samples, ``[runs]``, and its interval where there is one."""
-    mean, low, high = mean_interval(samples, confidence=CONFIDENCE)
+    mean, low, high = mean_interval(samples, confidence=CONFIDENCE, bounds=bounds)
     return float(mean), None if samples.size == 1 else [float(low), float(high)]
 
 
@@ -280,11 +291,11 @@ def _rows_of_each_run(evaluations: Evaluations) -> Iterator[bytes]:
 
 
 def read_evaluations(path: Path, measure: str = "successes") -> Evaluations:
-    """Read evaluations.csv back, exactly. Columns after the known ones are passed over.
+    """Read evaluations.csv back, exactly. Further columns are ignored.
 
     Args:
         path: the file.
-        measure: what the score is (:attr:`envs.core.world.WorldConfig.measure`).
+        measure: of the score (:attr:`envs.core.world.WorldConfig.measure`).
 
     Raises:
         OSError: the file cannot be read.

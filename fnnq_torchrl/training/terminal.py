@@ -1,4 +1,4 @@
-"""What a command shows on the terminal: its progress, and the table at its end."""
+"""The output of a command on the terminal: its progress, and the table at its end."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -16,12 +16,13 @@ from rich.text import Text
 
 from fnnq_torchrl.training.intervals import mean_interval
 from fnnq_torchrl.training.results import CONFIDENCE, Summary, best_first
+from fnnq_torchrl.training.score import Score
 
-# Where there is no terminal, progress is one line each time another of so many parts is done.
+# Without a terminal, progress is a line for each of these equal parts of the work.
 _PARTS = 5
-# Configurations of a sweep in its table.
+# The most configurations in a sweep's table.
 _ROWS = 20
-# Not every terminal can show Greek letters, and failing there would be a sad end to a long job.
+# For terminals that can't show Greek letters, where printing them would fail.
 _LATIN = {"λ": "lam", "α": "alpha", "γ": "gamma", "ε": "epsilon"}
 
 
@@ -32,11 +33,11 @@ class Progress:
             progress.update(22)
 
     Args:
-        total: what there is to do, at least 1.
-        description: what is being done.
-        unit: what is counted, in the plural.
-        console: where to write, if not on stderr.
-        clock: tells the seconds, from any start.
+        total: the amount of work, at least 1.
+        description: the word for the work, such as ``learning``.
+        unit: the word for what is counted, in the plural.
+        console: writes the progress; to stderr, if not given.
+        clock: returns the seconds since any moment.
     """
 
     def __init__(
@@ -53,7 +54,7 @@ class Progress:
         self._started_s = clock()
         self._parts_done = 0
         self._bar: progress.Progress | None = None
-        # isatty too, since rich takes FORCE_COLOR for a terminal, which a log file is not.
+        # isatty too: with FORCE_COLOR, rich takes a log file for a terminal.
         if self._console.is_interactive and self._console.file.isatty():
             self._bar = progress.Progress(
                 progress.TextColumn("{task.description}"),
@@ -80,7 +81,7 @@ class Progress:
             self._bar.stop()
 
     def update(self, done: int) -> None:
-        """Say how many of the total are done by now; never fewer than before."""
+        """Show how much is done so far; never less than before."""
         if self._bar is not None:
             self._bar.update(self._task, completed=done)
             return
@@ -110,23 +111,23 @@ def _duration(seconds: float) -> str:
 
 
 def announce(line: str, console: Console | None = None) -> None:
-    """Say a line beside the progress: on stderr, unless given.
+    """Print a line beside the progress, on stderr unless a console is given.
 
-    If it can't be written, as to a log on a disk that is full, the work goes on without.
+    If it can't be written, for example to a log on a full disk, the work goes on without it.
     """
     console = console or Console(stderr=True)
     with suppress(OSError):
         console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 
-def print_summary(summary: Summary, picture: Path, console: Console | None = None) -> None:
-    """Print the numbers that a user asks for first, and where the picture is.
+def print_summary(summary: Summary, picture: Path | None, console: Console | None = None) -> None:
+    """Print the main numbers of a job, and the path of its picture.
 
     Args:
-        summary: the job's, whose scores are shown with two decimals.
-        picture: shown relative to the current directory if it lies below it, on one line
-            however narrow the terminal.
-        console: standard output, unless given.
+        summary: of the job; its scores are shown with two decimals.
+        picture: shown relative to the current directory if it lies below it, on one line even if
+            the terminal is narrower. None if it couldn't be drawn.
+        console: prints; to standard output, if not given.
     """
     console = console or Console()
     table = Table(show_header=False)
@@ -148,32 +149,33 @@ def print_summary(summary: Summary, picture: Path, console: Console | None = Non
     rate = summary["learning_steps_per_second"]
     table.add_row("learning steps per second", "unknown" if rate is None else f"{rate:,.0f}")
     console.print(table)
-    _print_path(console, "learning curve", picture)
+    if picture is not None:
+        _print_path(console, "learning curve", picture)
 
 
 def print_sweep(
     scores: Sequence[tuple[str, NDArray[np.float64]]],
-    picture: Path,
-    measure: str = "successes",
+    picture: Path | None,
+    score: Score,
     console: Console | None = None,
 ) -> None:
-    """Print what a sweep found, the best first, and where its picture is.
+    """Print the scores of a sweep's configurations, the best first, and the path of its picture.
 
     Args:
         scores: each configuration's name, and the mean score of each of its runs, ``[runs]``.
-        picture: shown as by :func:`print_summary`.
-        measure: what the scores are.
-        console: standard output, unless given.
+        picture: as in :func:`print_summary`.
+        score: that of all configurations.
+        console: prints; to standard output, if not given.
     """
     console = console or Console()
     table = Table()
     for heading in ("configuration", "runs", "mean score"):
         table.add_column(heading, overflow="fold")
-    order = best_first([of_runs for _, of_runs in scores], measure)
+    order = best_first([of_runs for _, of_runs in scores], score.measure)
     for name, of_runs in (scores[place] for place in order[:_ROWS]):
         if console.options.ascii_only:
             name = "".join(_LATIN.get(letter, letter) for letter in name)
-        mean, low, high = mean_interval(of_runs, confidence=CONFIDENCE)
+        mean, low, high = mean_interval(of_runs, confidence=CONFIDENCE, bounds=score.bounds)
         interval = None if len(of_runs) == 1 else [float(low), float(high)]
         table.add_row(
             Text(name), f"{len(of_runs):,}", f"{mean:.2f}, {_interval(interval, CONFIDENCE)}"
@@ -181,7 +183,8 @@ def print_sweep(
     console.print(table)
     if len(scores) > _ROWS:
         announce(f"the best {_ROWS} of {len(scores):,}; all are in summary.csv", console)
-    _print_path(console, "learning curves", picture)
+    if picture is not None:
+        _print_path(console, "learning curves", picture)
 
 
 def _print_path(console: Console, name: str, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Trains all runs of a job, or of many jobs, side by side and scores what they learned."""
+"""The trainer: all runs of a job, or of many jobs, learn side by side and are then tested."""
 
 from collections.abc import Callable
 from typing import Self
@@ -24,20 +24,20 @@ from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.resume.ledger import Ledger
 
 OnProgress = Callable[[int], None]
-"""Is told how many situations, of all runs together, are done."""
+"""Called with the number of situations done so far, of all runs together."""
 
 
 class Trainer:
-    """Many runs, as lanes of one batch or of several: :meth:`learn`, then :meth:`evaluate`.
+    """Many runs on lanes side by side: call :meth:`learn`, then :meth:`evaluate`.
 
     Attributes:
-        ledger: what is done so far.
-        run: what each run has of its own, by the keys of `PER_RUN`, and ``situations``, each
+        ledger: the progress so far.
+        run: the values of each run, by the keys of `PER_RUN`, and its ``situations``, each
             ``[runs, 1]``.
 
     Args:
         config: a valid configuration.
-        runs: what the runs have of their own, of one job or of several.
+        runs: the values in which the runs differ, of one job or of several.
         engine: runs the steps.
     """
 
@@ -66,7 +66,7 @@ class Trainer:
         """Make a trainer of the runs of one job.
 
         Raises:
-            ConfigError: the engine is to compile, and there is no C++ compiler.
+            ConfigError: the engine must compile, and there is no C++ compiler.
         """
         runs = Runs.of([config])
         return cls(config, runs, choose_engine(config, len(runs)))
@@ -76,7 +76,7 @@ class Trainer:
         return make_value_network(self.config.value, candidates, runs)
 
     def make_learner(self, lanes: int) -> Learner:
-        """Make the learning step of so many runs."""
+        """Make the learning step for this number of runs."""
         config = self.config
         return Learner(
             make_world(config.env, [lanes], seed=0, dtype=self.dtype, device=self.device),
@@ -92,11 +92,11 @@ class Trainer:
     def learn(
         self, on_progress: OnProgress = lambda done: None, keeper: Keeper | None = None
     ) -> None:
-        """Step all runs until each has had all its situations.
+        """Step all runs until each has learned from all its situations.
 
         Args:
-            on_progress: see there.
-            keeper: of what the runs that aren't done have come to.
+            on_progress: called with the number of situations learned so far.
+            keeper: visited between steps with the unfinished runs, to save them.
         """
         engine, ledger = self.engine, self.ledger
         if int(ledger.learned.sum()) == self.situations_to_learn:
@@ -116,14 +116,14 @@ class Trainer:
     def evaluate(
         self, on_progress: OnProgress = lambda done: None, keeper: Keeper | None = None
     ) -> Outcome:
-        """Score all snapshots of all runs, together.
+        """Test all snapshots of all runs, side by side.
 
         Args:
-            on_progress, keeper: as of :meth:`learn`.
+            on_progress, keeper: as in :meth:`learn`.
         """
         engine, ledger = self.engine, self.ledger
         ledger.stop_where_not_finite()
-        # There is no trace to keep, and nothing is written to the weights: twice as many fit.
+        # Without a trace, and with weights that are only read, twice as many lanes fit.
         lanes = lanes_for(self.situations_to_play, engine.workers, 2 * engine.most_lanes)
         with engine.threads(lanes * self._candidates), ledger.timed("evaluate"):
             with ledger.timed("compile"):
@@ -155,8 +155,8 @@ class Trainer:
 
     def _outcome(self) -> Outcome:
         ledger, pages, config = self.ledger, self.ledger.book.pages, self.config
-        # A run that has diverged plays no more: it has the lowest return that there is or, where
-        # the world doesn't state one, its return before learning.
+        # A run that has diverged plays no more. It gets the lowest possible return or, if the
+        # world doesn't state one, its own return before learning.
         diverged = ledger.diverged.T.contiguous().numpy()
         success, reward, length = (
             ledger.results[key].transpose(0, 1).numpy() for key in ("success", "return", "length")

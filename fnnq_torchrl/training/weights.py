@@ -15,7 +15,7 @@ from torch import Tensor
 from fnnq_torchrl.files.plain import read_plain, write_plain
 
 FORMAT = 1
-"""The format of both files. One that can't be read as this one gets another number."""
+"""The number of both files' format, raised when older files can no longer be read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Checkpoint:
     """The weights that a job's runs have learned, as in checkpoint.pt.
 
     Raises:
-        ValueError: on creation, if a weight's first dimensions are not as stated below.
+        ValueError: on creation, if the first dimensions of a weight are not as stated below.
     """
 
     weights: dict[str, Tensor]  # by name, each [runs, ...], contiguous and on the CPU
@@ -136,11 +136,11 @@ def _plain(
     lam: ArrayLike,
     config: dict[str, Any],
 ) -> tuple[dict[str, Tensor], Tensor, Tensor, dict[str, Any]]:
-    """The fields of a `Checkpoint`, as they can be written and loaded again."""
+    """Return the fields of a `Checkpoint`, in types that can be written and loaded again."""
     if isinstance(weights, TensorDictBase):
         weights = weights.flatten_keys(".").to_dict()
     return (
-        # Copies, since a view would be saved with all that it views.
+        # Copies, since a view would be saved with the whole tensor behind it.
         {
             name: weight.detach().to("cpu").clone(memory_format=torch.contiguous_format)
             for name, weight in weights.items()
@@ -152,7 +152,7 @@ def _plain(
 
 
 def _read(path: Path, of: type[Checkpoint], what: str) -> dict[str, Any]:
-    """The fields that a file holds; ``what`` it should be, for the message if it isn't."""
+    """Return the fields in a file; ``what`` is the word for such a file in messages."""
     content = read_plain(path, FORMAT, what)
     if content.keys() != {field.name for field in fields(of)}:
         raise ValueError(f"{path} is not {what}")

@@ -105,7 +105,7 @@ NO_PAIRS = "must be a list of at least one pair [centre, width] with width > 0"
 NO_RESULTS = "has no finished results: python -m fnnq_torchrl.train +experiment="
 TORN = "evaluations.csv is not a complete evaluations file: its last row is cut short"
 NO_NUMBER = "evaluations.csv is not a complete evaluations file: could not convert string "
-OTHERS = "is of another configuration or PyTorch; take another directory, or begin anew with "
+OTHERS = "is of another configuration or PyTorch; take another directory, or start over with "
 # The expected line for each command; one that ends in an ellipsis is only its beginning.
 # Commands that write figures and pages have no keys, so no value of them is out of range.
 TABLE: dict[str, dict[str, tuple[int, str]]] = {
@@ -136,7 +136,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         ),
         "train machine.device=cuda:99": (
             2,
-            "machine.device=cuda:99: must be there: this machine has …",
+            "machine.device=cuda:99: must be a device of this machine, which has …",
         ),
         "train -m lam=0.1,1.5": (2, "job 1 (lam=1.5): lam=1.5: must be a number in [0, 1]"),
         "train -m seed=range(0)": (2, "seed=range(0): must have at least one value to sweep"),
@@ -209,7 +209,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train hydra.run.dir=damaged": (
             2,
             "…/damaged/training.pt is not a saved training, or a damaged one; "
-            "resume=never begins anew",
+            "resume=never starts over",
         ),
         "train -m hydra.sweep.dir=folder": (1, "…/folder/0/training.pt: Is a directory"),
         "train -m hydra.sweep.dir=damaged": (2, "…/damaged/0/training.pt is not a saved …"),

@@ -127,8 +127,11 @@ def test_the_same_sweep_again_computes_what_is_missing(
 ) -> None:
     again = (*SWEEP, f"hydra.sweep.dir={folded}", "-m")
     before = {path: path.read_bytes() for path in folded.rglob("*.csv")}
+    picture = (folded / "1" / "learning_curve.png").read_bytes()
+    (folded / "1" / "learning_curve.png").unlink()  # as after a kill, since it is drawn last
     assert fnnq_train(*again) == 0
     assert batches == []
+    assert (folded / "1" / "learning_curve.png").read_bytes() == picture
     (folded / "2" / "summary.json").unlink()
     (folded / "2" / "evaluations.csv").unlink()
     assert fnnq_train(*again) == 0

@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from fnnq_torchrl.launch import sweep as module
 from fnnq_torchrl.launch.sweep import SweptResult, swept_keys, write_sweep
-from fnnq_torchrl.training.pictures import Curve
+from fnnq_torchrl.training.pictures.curve import Curve
 from fnnq_torchrl.training.results import (
     Outcome,
     read_evaluations,
@@ -17,7 +18,9 @@ from fnnq_torchrl.training.results import (
     write_evaluations,
     write_summary,
 )
+from fnnq_torchrl.training.score import Score
 
+CATCHES = Score("successes", 0, 5, "catches")
 Make = Callable[..., SweptResult]
 
 
@@ -47,19 +50,19 @@ def make(tmp_path: Path) -> Make:
             )
             write_evaluations(directory / "evaluations.csv", outcome)
             write_summary(directory / "summary.json", summarise(outcome))
-        return SweptResult(number, overrides, directory, best=5, measure="successes")
+        return SweptResult(number, overrides, directory, CATCHES)
 
     return make
 
 
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, list[Curve], int]]:
-    pictures: list[tuple[str, list[Curve], int]] = []
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, list[Curve], Score]]:
+    pictures: list[tuple[str, list[Curve], Score]] = []
 
-    def sweep_curves(curves: list[Curve], of: str, picture: Path, *best: object) -> None:
-        pictures.append((of, curves, best[0]))
+    def draw_sweep(curves: list[Curve], of: str, picture: Path, score: Score) -> None:
+        pictures.append((of, curves, score))
 
-    monkeypatch.setattr(module, "sweep_curves", sweep_curves)
+    monkeypatch.setattr(module, "draw_sweep", draw_sweep)
     return pictures
 
 
@@ -77,7 +80,7 @@ def test_swept_is_what_differs(make: Make) -> None:
 
 
 def test_every_swept_key_is_a_column(
-    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], int]]
+    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
     labels = "[[-1,0.4],[1,0.4]]"
     jobs = [
@@ -107,7 +110,7 @@ def test_every_swept_key_is_a_column(
 
 
 def test_swept_situations_are_not_those_of_a_row(
-    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], int]]
+    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
     jobs = [make(0, [[0, 2]], situations="5"), make(1, [[1, 3]], situations="10")]
     write_sweep(tmp_path, jobs)
@@ -116,7 +119,7 @@ def test_swept_situations_are_not_those_of_a_row(
 
 
 def test_the_evaluations_are_read_as_those_of_a_job_are(
-    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], int]]
+    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
     jobs = [make(0, [[0, 2], [1, 1]], lam="0.1", x="a,b"), make(1, [[3, 4]], lam="0.5", x="c")]
     write_sweep(tmp_path, jobs)
@@ -126,7 +129,7 @@ def test_the_evaluations_are_read_as_those_of_a_job_are(
 
 
 def test_a_curve_for_each_configuration_over_its_seeds(
-    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], int]]
+    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
     jobs = [
         make(0, [[0, 1]], lam="0.4", seed="0"),
@@ -135,14 +138,14 @@ def test_a_curve_for_each_configuration_over_its_seeds(
         make(3, [[0, 4]], lam="0", seed="1"),
     ]
     write_sweep(tmp_path, jobs)
-    [(of, curves, best)] = drawn
-    assert (of, best) == ("values of λ", 5)
+    [(of, curves, score)] = drawn
+    assert (of, score) == ("values of λ", CATCHES)
     assert [curve.label for curve in curves] == ["λ = 0.4", "λ = 0"]
     assert [curve.scores.tolist() for curve in curves] == [[[0, 1], [0, 2]], [[0, 3], [0, 4]]]
 
 
 def test_a_configuration_has_all_its_swept_values_in_its_label(
-    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], int]]
+    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
     jobs = [
         make(0, [[0, 1]], alpha="0.312345", lam="0.1", trace="output"),
@@ -158,7 +161,7 @@ def test_a_configuration_has_all_its_swept_values_in_its_label(
 
 
 def test_seeds_alone_are_one_configuration(
-    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], int]]
+    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
     write_sweep(tmp_path, [make(0, [[0, 1]], seed="0"), make(1, [[0, 2]], seed="1")])
     [(_, [curve], _)] = drawn
@@ -166,7 +169,7 @@ def test_seeds_alone_are_one_configuration(
 
 
 def test_unfinished_jobs_are_told_and_not_counted(
-    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], int]]
+    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
     write_sweep(tmp_path, [make(0, None, lam="0.1"), make(1, [[0, 2]], lam="0.3")])
     first, second = rows(tmp_path / "summary.csv")
@@ -177,7 +180,7 @@ def test_unfinished_jobs_are_told_and_not_counted(
 
 
 def test_nothing_finished_has_no_curves(
-    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], int]]
+    make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
     write_sweep(tmp_path, [make(0, None, lam="0.1"), make(1, None, lam="0.3")])
     assert len(rows(tmp_path / "summary.csv")) == 2
@@ -197,3 +200,20 @@ def test_the_table_is_printed_the_best_first(
     assert "5.00, one run, so no interval" in body[0]
     assert any("best 20 of 22" in line for line in lines)
     assert (tmp_path / "learning_curves.png").stat().st_size > 0
+
+
+def test_scores_of_different_measures_have_a_picture_and_a_table_each(
+    make: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    jobs = [make(0, [[0, 1], [0, 3]], env="a"), make(1, [[0, 2], [0, 2]], env="b")]
+    write_sweep(tmp_path, jobs[:1])
+    assert [path.name for path in tmp_path.glob("*.png")] == ["learning_curves.png"]
+    jobs[1] = replace(jobs[1], score=Score("return", -1, 1))
+    write_sweep(tmp_path, jobs)
+    assert {path.name for path in tmp_path.glob("*.png")} == {
+        "learning_curves_catches.png",
+        "learning_curves_return.png",
+    }
+    tables = capsys.readouterr().out.split("learning curves: ")[1:3]
+    assert "2.00, 95 % interval 0.00 to 5.00" in tables[0]
+    assert "0.00, 95 % interval 0.00 to 0.00" in tables[1]

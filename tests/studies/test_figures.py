@@ -12,14 +12,18 @@ from matplotlib.text import Annotation, Text
 from numpy.typing import NDArray
 
 from fnnq_torchrl.training.intervals import mean_interval
-from fnnq_torchrl.training.pictures import (
-    Curve,
+from fnnq_torchrl.training.pictures.curve import Curve
+from fnnq_torchrl.training.pictures.curves import (
     curves_figure,
     learning_curve,
     learning_curve_figure,
-    spread,
 )
+from fnnq_torchrl.training.pictures.style import spread
 from fnnq_torchrl.training.results import Evaluations, write_evaluations
+from fnnq_torchrl.training.score import Score
+
+CATCHES = Score("successes", 0, 5, "catches")
+UNBOUNDED = Score()
 
 
 def evaluations(lams: list[float], runs: int, count: int = 41, best: int = 5) -> Evaluations:
@@ -58,14 +62,14 @@ CASES = {
     "one evaluation": evaluations([0.2], 22, count=2),
     "ends that coincide": evaluations([0.1, 0.2, 0.3], 2, best=0),
     "more curves than colours": evaluations(np.linspace(0, 1, 11).tolist(), 2),
-    "more curves than lines": evaluations(np.linspace(0, 1, 41).tolist(), 2),
+    "more curves than panels": evaluations(np.linspace(0, 1, 41).tolist(), 2),
     "long numbers": evaluations([1 / 3, 2 / 3], 12_345, count=3),
 }
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_nothing_is_clipped_and_no_labels_collide(case: str) -> None:
-    figure = learning_curve_figure(CASES[case], best=5)
+    figure = learning_curve_figure(CASES[case], CATCHES)
     boxes = [Text.get_window_extent(text) for text in texts(figure)]  # without labels' links
     width, height = figure.bbox.size
     for box in boxes:
@@ -79,9 +83,9 @@ def test_nothing_is_clipped_and_no_labels_collide(case: str) -> None:
 
 def test_curves_and_bands_are_the_file_s_means_and_intervals() -> None:
     data = CASES["the paper's"]
-    (axes,) = learning_curve_figure(data).axes
+    (axes,) = learning_curve_figure(data, CATCHES).axes
     for line, band, lam in zip(axes.lines, axes.collections, [0, 0.1, 0.4, 0.8], strict=True):
-        mean, low, high = mean_interval(data.catches[data.lam == lam])
+        mean, low, high = mean_interval(data.catches[data.lam == lam], bounds=(0, 5))
         np.testing.assert_array_equal(line.get_ydata(), mean)
         corners = {(x, y) for x, y in band.get_paths()[0].vertices}
         assert set(zip(data.situations, low, strict=True)) <= corners
@@ -89,7 +93,7 @@ def test_curves_and_bands_are_the_file_s_means_and_intervals() -> None:
 
 
 def test_every_label_is_linked_to_the_end_of_its_curve() -> None:
-    (axes,) = learning_curve_figure(CASES["the paper's"]).axes
+    (axes,) = learning_curve_figure(CASES["the paper's"], CATCHES).axes
     for line, label, lam in zip(axes.lines, axes.texts, ["0", "0.1", "0.4", "0.8"], strict=True):
         assert isinstance(label, Annotation)
         assert label.get_text() == f"λ = {lam}"
@@ -103,7 +107,7 @@ def test_every_label_is_linked_to_the_end_of_its_curve() -> None:
         (
             evaluations([0.2], 22),
             "Learning curve for λ = 0.2, 22 runs",
-            "line: mean over 22 runs; band: its 95 % confidence interval (Student's t), at most ±",
+            "line: mean over 22 runs; band: its 95 % confidence interval (Student's t), at most ",
         ),
         (
             evaluations([0, 0.4], 1000, count=3),
@@ -119,7 +123,7 @@ def test_every_label_is_linked_to_the_end_of_its_curve() -> None:
     ids=["one λ", "two λs", "one run"],
 )
 def test_the_words_come_from_the_data(data: Evaluations, title: str, caption: str) -> None:
-    shown = [text.get_text() for text in texts(learning_curve_figure(data))]
+    shown = [text.get_text() for text in texts(learning_curve_figure(data, CATCHES))]
     assert title in shown
     assert any(text.startswith(caption) for text in shown)
     assert {text for text in shown if text.startswith("λ = ")} == {
@@ -139,21 +143,21 @@ def test_unequal_numbers_of_runs_are_told() -> None:
         data.returns[1:],
         data.lengths[1:],
     )
-    shown = [text.get_text() for text in texts(learning_curve_figure(rest))]
+    shown = [text.get_text() for text in texts(learning_curve_figure(rest, CATCHES))]
     assert "Learning curves for 2 values of λ, 2 to 3 runs each" in shown
 
 
 def test_the_score_axis_begins_at_zero_and_holds_the_best() -> None:
     data = evaluations([0.2], 5, best=2)
-    for best, top in ((None, 2), (5, 5)):
-        (axes,) = learning_curve_figure(data, best).axes
+    for score, top in ((UNBOUNDED, 2), (CATCHES, 5)):
+        (axes,) = learning_curve_figure(data, score).axes
         low, high = axes.get_ylim()
         assert low == 0
         assert top < high < top + 0.5
 
 
 def test_the_axis_above_counts_the_evaluations() -> None:
-    (axes,) = learning_curve_figure(evaluations([0.2], 2, count=41)).axes
+    (axes,) = learning_curve_figure(evaluations([0.2], 2, count=41), CATCHES).axes
     (above,) = axes.child_axes
     labels = [label.get_text() for label in above.get_xticklabels()]
     assert labels == ["0", "5", "10", "15", "20", "25", "30", "35", "40"]
@@ -163,7 +167,7 @@ def test_the_axis_above_counts_the_evaluations() -> None:
 def test_the_picture_is_written_and_the_same_each_time(tmp_path: Path) -> None:
     write_evaluations(tmp_path / "evaluations.csv", CASES["the paper's"])
     for name in ("one.png", "two.png"):
-        learning_curve(tmp_path / "evaluations.csv", tmp_path / name, best=5)
+        learning_curve(tmp_path / "evaluations.csv", tmp_path / name, CATCHES)
     picture = (tmp_path / "one.png").read_bytes()
     assert picture.startswith(b"\x89PNG")
     assert picture == (tmp_path / "two.png").read_bytes()
@@ -172,14 +176,14 @@ def test_the_picture_is_written_and_the_same_each_time(tmp_path: Path) -> None:
 def test_a_damaged_file_gives_no_picture(tmp_path: Path) -> None:
     (tmp_path / "evaluations.csv").write_text("seed,lam,situations,steps,catches\n3,0.2,0,")
     with pytest.raises(ValueError, match="not a complete evaluations file"):
-        learning_curve(tmp_path / "evaluations.csv", tmp_path / "picture.png")
+        learning_curve(tmp_path / "evaluations.csv", tmp_path / "picture.png", CATCHES)
     assert not (tmp_path / "picture.png").exists()
 
 
 def test_an_unknown_format_leaves_nothing(tmp_path: Path) -> None:
     write_evaluations(tmp_path / "evaluations.csv", CASES["one run"])
     with pytest.raises(ValueError, match="not supported"):
-        learning_curve(tmp_path / "evaluations.csv", tmp_path / "picture.xyz")
+        learning_curve(tmp_path / "evaluations.csv", tmp_path / "picture.xyz", CATCHES)
     assert [path.name for path in tmp_path.iterdir()] == ["evaluations.csv"]
 
 
@@ -207,22 +211,50 @@ def curve(label: str, score: int, count: int = 5) -> Curve:
     return Curve(label, 5 * np.arange(count), np.full((2, count), score), diverged=0)
 
 
-def test_of_more_curves_than_can_be_told_apart_the_best_are_labelled() -> None:
-    scores = np.random.default_rng(0).permutation(25)
-    figure = curves_figure([curve(f"score {score}", score) for score in scores], "configurations")
-    (axes,) = figure.axes
-    labels = [f"score {score}" for score in scores if score >= 5]  # in the order they came in
-    assert [text.get_text() for text in axes.texts] == labels
-    grey = [c for c in axes.collections if isinstance(c, LineCollection)]
-    assert sorted(c.get_segments()[0][-1, 1] for c in grey) == [0, 1, 2, 3, 4]
+@pytest.mark.parametrize("count", [8, 12, 25])
+def test_more_curves_than_colours_have_a_panel_each(count: int) -> None:
+    scores = np.random.default_rng(0).permutation(count)
+    curves = [curve(f"score {score}", score) for score in scores]
+    figure = curves_figure(curves, "configurations", UNBOUNDED)
+    panels = [axes for axes in figure.axes if axes.get_visible()]
+    best = [score for score in scores if score >= count - 20]  # in the order they came in
+    assert [axes.get_title() for axes in panels] == [f"score {score}" for score in best]
+    for axes, score in zip(panels, best, strict=True):
+        (line,) = axes.lines
+        assert set(line.get_ydata()) == {score}
+        (grey,) = (c for c in axes.collections if isinstance(c, LineCollection))
+        assert sorted(points[-1, 1] for points in grey.get_segments()) == [*range(count)]
+    title = f"Learning curves for {count} configurations, 2 runs each"
     shown = [text.get_text() for text in texts(figure)]
-    assert "Learning curves for 25 configurations, 2 runs each" in shown
-    assert any(text.endswith("grey: the other 5, which scored worse") for text in shown)
+    assert (title if count <= 20 else f"{title}: the best 20") in shown
+
+
+@pytest.mark.parametrize(
+    ("score", "words"),
+    [
+        (CATCHES, "score (catches of 5)"),
+        (Score("successes", 0, 3, "arrivals"), "score (arrivals of 3)"),
+        (Score("return", -1, 1), "return, mean over the test's episodes"),
+        (Score("length", 0, 99), "steps of an episode, mean over the test's"),
+    ],
+)
+def test_the_axis_has_the_worlds_words(score: Score, words: str) -> None:
+    for count in (2, 8):
+        curves = [curve(str(number), 1) for number in range(count)]
+        assert words in {text.get_text() for text in texts(curves_figure(curves, "x", score))}
+
+
+def test_no_band_leaves_the_bounds() -> None:
+    scores = np.array([[4, 5, 5], [5, 5, 0]])
+    (axes,) = curves_figure([Curve("", 5 * np.arange(3), scores, 0)], "", CATCHES).axes
+    (band,) = axes.collections
+    heights = band.get_paths()[0].vertices[:, 1]
+    assert (heights.min(), heights.max()) == (0, 5)
 
 
 def test_curves_may_end_at_different_situations() -> None:
     figure = curves_figure(
-        [curve("short", 1, count=3), curve("long", 2, count=5)], "configurations"
+        [curve("short", 1, count=3), curve("long", 2, count=5)], "configurations", CATCHES
     )
     (axes,) = figure.axes
     assert axes.get_xlim() == (0, 20)
@@ -231,8 +263,15 @@ def test_curves_may_end_at_different_situations() -> None:
 
 def test_long_labels_are_not_clipped_and_leave_the_curves_their_room() -> None:
     label = "α = 0.8768, α decay = 0.986, λ = 0.3388, ε = 0.3968"
-    figure = curves_figure([curve(label, 1), curve("other", 2)], "configurations")
+    figure = curves_figure([curve(label, 1), curve("other", 2)], "configurations", CATCHES)
     boxes = [Text.get_window_extent(text) for text in texts(figure)]
     assert max(box.x1 for box in boxes) <= figure.bbox.width
     (axes,) = figure.axes
     assert axes.get_window_extent().width >= 5 * figure.dpi
+
+
+def test_configurations_of_one_run_stand_beside_others() -> None:
+    one, more = curve("one", 1), curve("more", 2)
+    figure = curves_figure([one._replace(scores=one.scores[:1]), more], "x", CATCHES)
+    shown = [text.get_text() for text in texts(figure)]
+    assert any(text.startswith("line: mean over 1 to 2 runs; band: ") for text in shown)

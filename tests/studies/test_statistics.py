@@ -51,6 +51,26 @@ def test_equal_samples_have_no_spread(value: float, n: int) -> None:
     assert mean_interval([value] * n) == (value, value, value)
 
 
+@given(
+    hnp.arrays(np.float64, hnp.array_shapes(min_dims=2, max_dims=2), elements=st.floats(-1, 5)),
+    st.sampled_from([0.5, 0.95, 0.999]),
+)
+def test_an_interval_contains_its_mean_and_stays_within_the_bounds(
+    samples: NDArray[np.float64], confidence: float
+) -> None:
+    mean, low, high = mean_interval(samples, confidence=confidence, bounds=(-1, 5))
+    if len(samples) > 1:
+        assert np.all((low >= -1) & (low <= mean) & (mean <= high) & (high <= 5))
+    _, low_without, high_without = mean_interval(samples, confidence=confidence)
+    np.testing.assert_array_equal(low, np.maximum(low_without, -1))
+    np.testing.assert_array_equal(high, np.minimum(high_without, 5))
+
+
+@pytest.mark.parametrize("score", [0, 3, 5])
+def test_equal_scores_are_their_own_interval_at_the_bounds_too(score: int) -> None:
+    assert mean_interval([score] * 4, bounds=(0, 5)) == (score, score, score)
+
+
 def test_a_single_sample_has_a_mean_but_no_interval() -> None:
     mean, low, high = mean_interval(np.array([[1.0, 2.0]]))
     np.testing.assert_array_equal(mean, [1.0, 2.0])

@@ -146,7 +146,7 @@ def test_a_foreign_file_is_refused(tmp_path: Path, content: bytes) -> None:
         ({"steps": TWO_RUNS.steps.T}, "steps must be int64"),
         ({"catches": TWO_RUNS.catches.astype(np.int32)}, "catches must be int64"),
         ({"situations": np.array([5, 10, 15])}, "situations must be 0 at the first"),
-        ({"situations": np.array([0, 10, 5])}, "rise at each"),
+        ({"situations": np.array([0, 10, 5])}, "and rise at each"),
     ],
 )
 def test_wrong_arrays_are_refused(change: dict[str, np.ndarray], reason: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from fnnq_torchrl.files.atomic import atomic_write
 from fnnq_torchrl.launch.arguments import page_parser
 from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
-from fnnq_torchrl.training.pictures.style import save
+from fnnq_torchrl.training.pictures.style import own_style, save
 from fnnq_torchrl.training.terminal import announce
 
 from .findings import Findings
@@ -56,6 +56,7 @@ def measure(experiment: Experiment) -> tuple[list[Findings], list[FirstSide]]:
     return findings, [FirstSide.of(learner) for learner in constant]
 
 
+@own_style()
 def write(findings: list[Findings], page: str, to: Path) -> None:
     """Write the page and its figures, as PNG and SVG.
 

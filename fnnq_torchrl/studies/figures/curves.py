@@ -3,8 +3,10 @@
 from matplotlib.figure import Figure
 
 from fnnq_torchrl.studies.experiments import Experiment
-from fnnq_torchrl.training.pictures.curves import Curve, curves_figure
+from fnnq_torchrl.training.pictures.curve import Curve
+from fnnq_torchrl.training.pictures.curves import curves_figure
 from fnnq_torchrl.training.pictures.words import key_words, setting_words
+from fnnq_torchrl.training.score import Score
 
 
 def experiment_curves_figure(experiment: Experiment, key: str) -> Figure:
@@ -18,4 +20,5 @@ def experiment_curves_figure(experiment: Experiment, key: str) -> Figure:
         )
         for job in experiment.jobs
     ]
-    return curves_figure(curves, f"values of {key_words(key)}", experiment.jobs[0].best)
+    score = Score.of(experiment.jobs[0].config)
+    return curves_figure(curves, f"values of {key_words(key)}", score)

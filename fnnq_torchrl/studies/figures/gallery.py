@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.studies.figures.curves import experiment_curves_figure
 from fnnq_torchrl.studies.figures.job_words import change_words
-from fnnq_torchrl.training.pictures.style import save
+from fnnq_torchrl.training.pictures.style import own_style, save
 
 from .dots import dots_figure
 from .lines import lines_figure
@@ -50,6 +50,7 @@ FIGURES: dict[str, tuple[str, Draw]] = {
 """Each figure by its file name: the experiment that it shows, and the function that draws it."""
 
 
+@own_style()
 def draw(experiments: Mapping[str, Experiment], pictures: Path) -> list[Path]:
     """Draw figures as PNG and SVG.
 

@@ -1,8 +1,8 @@
-"""The loggers: where finished jobs are logged besides their result files, which all jobs have.
+"""The loggers of finished jobs, beside the result files that every job has.
 
-Training is one native loop that knows its scores only when it is over, so loggers get whole columns
-of what the result files hold, and no call for each step. TorchRL's loggers take one step at a time;
-they are used where that is enough, and a logger that doesn't use TorchRL's says why.
+Training is one native loop, whose scores are known only after its end. So loggers get the whole
+columns of the result files, and no call for each step. TorchRL's loggers take one step at a time.
+They are used if that is enough; a logger that doesn't use TorchRL's says why.
 """
 
 from .base import JobResults, Logger, SweepResults

@@ -21,6 +21,7 @@ from fnnq_torchrl.training.results import (
     read_evaluations,
     read_summary,
 )
+from fnnq_torchrl.training.score import Score
 
 _TABLES = ("evaluations.csv", "summary.json", "summary.csv")
 
@@ -29,9 +30,9 @@ class Results:
     """The files of a job or of a sweep.
 
     Args:
-        directory: where they are.
-        home: the directory of the sweep or, for a job that is in none, its own.
-        name: the job's among all jobs, or the sweep's among all sweeps.
+        directory: that of the job or of the sweep.
+        home: the directory of the sweep or, for a job without one, its own.
+        name: the name under which it is logged.
     """
 
     def __init__(self, directory: Path, home: Path, name: str) -> None:
@@ -39,12 +40,12 @@ class Results:
 
     @property
     def group(self) -> str:
-        """The name that a sweep and its jobs have in common."""
+        """The name that a sweep shares with its jobs."""
         return self.home.name
 
     @property
     def pictures(self) -> list[Path]:
-        """The pictures drawn of it."""
+        """Its pictures."""
         return sorted(self.directory.glob("*.png"))
 
     @property
@@ -54,23 +55,25 @@ class Results:
 
 
 class JobResults(Results):
-    """A finished job, whose files are read when they are asked for.
+    """A finished job, whose files are read when a property first needs them.
 
     Args:
-        job: its name among the results is ``<sweep>/<job>`` or that of its directory.
+        job: the job. It is logged as ``<sweep>/<job>`` or, without a sweep, by its directory's
+            name.
 
     Raises:
-        OSError, ValueError: by its properties, if a file can't be read or is damaged.
+        OSError, ValueError: by the properties, if a file can't be read or is damaged.
     """
 
     def __init__(self, job: Job) -> None:
         home = job.sweep or job.directory
         super().__init__(job.directory, home, os.path.relpath(job.directory, home.parent))
         self.job = job
+        self._score = Score.of(job.config)
 
     @cached_property
     def settings(self) -> dict[str, Any]:
-        """The configuration, nested, without that of the loggers."""
+        """The configuration, nested, without the loggers' settings."""
         settings = asdict(self.job.config)
         del settings["logger"]
         return settings
@@ -78,9 +81,7 @@ class JobResults(Results):
     @cached_property
     def evaluations(self) -> Evaluations:
         """The content of evaluations.csv."""
-        return read_evaluations(
-            self.directory / "evaluations.csv", self.job.config.env.tested.measure
-        )
+        return read_evaluations(self.directory / "evaluations.csv", self._score.measure)
 
     @cached_property
     def summary(self) -> Summary:
@@ -89,19 +90,22 @@ class JobResults(Results):
 
     @property
     def scores(self) -> dict[str, float]:
-        """The means over the runs that the summary has."""
+        """The summary's mean scores over the runs."""
         return {key: self.summary[key] for key in ("mean_score", "final_score")}
 
     @cached_property
     def curve(self) -> dict[str, list[float]]:
         """The learning curve in columns with one number for each evaluation.
 
-        ``steps``, the learning steps of a run so far, and ``score`` are means over the runs,
-        ``score_low`` and ``score_high`` the bounds of the score's interval (Student's t), which a
-        single run doesn't have. ``diverged`` is the number of runs that have diverged.
+        ``steps``, the learning steps of a run so far, and ``score`` are means over the runs.
+        ``score_low`` and ``score_high`` are the bounds of the score's interval (see
+        `mean_interval`), which a single run doesn't have. ``diverged`` is the number of runs that
+        have diverged.
         """
         evaluations = self.evaluations
-        mean, low, high = mean_interval(evaluations.score, confidence=CONFIDENCE)
+        mean, low, high = mean_interval(
+            evaluations.score, confidence=CONFIDENCE, bounds=self._score.bounds
+        )
         columns = {
             "steps": evaluations.steps.mean(axis=0),
             "score": mean,
@@ -125,11 +129,11 @@ class JobResults(Results):
 
 
 class SweepResults(Results):
-    """A sweep whose jobs are finished as far as they will be.
+    """A sweep after its last job; some jobs may have failed.
 
     Args:
-        directory: with the files over all jobs.
-        jobs: all of them.
+        directory: that of the sweep, with the files over all jobs.
+        jobs: all jobs.
     """
 
     def __init__(self, directory: Path, jobs: Sequence[Job]) -> None:
@@ -138,10 +142,10 @@ class SweepResults(Results):
 
 
 class Logger(ABC):
-    """A place where finished jobs are logged. Its methods may raise anything: see `Loggers`."""
+    """A place where finished jobs are logged. `Loggers` handles any error of its methods."""
 
     def prepare(self, jobs: Sequence[Job]) -> None:  # noqa: B027  # most have nothing to say
-        """Say in a line, before these jobs begin, what the user should know by then."""
+        """Tell the user, before these jobs begin, what to expect of logging them."""
 
     @abstractmethod
     def log_job(self, job: JobResults) -> None:

@@ -25,11 +25,11 @@ from fnnq_torchrl.files.atomic import alone_in
 
 from .base import JobResults, Logger, Results, SweepResults
 
-logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)  # it tells of each database
+logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)  # it logs every new database
 logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # a lost server is told once
 
 _METRICS_AT_ONCE = 1000
-"""The most that MLflow takes in one call."""
+"""The most metrics that MLflow takes in one call."""
 
 
 class MlflowLogger(Logger):
@@ -42,7 +42,7 @@ class MlflowLogger(Logger):
     def __init__(self, settings: MlflowConfig) -> None:
         self._uri = settings.tracking_uri or os.environ.get("MLFLOW_TRACKING_URI", "")
         self._experiment = settings.experiment
-        # MLflow's own would be two minutes, seven times over.
+        # MLflow's defaults are two minutes and seven retries.
         os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(math.ceil(settings.timeout_s)))
         os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "1")
 
@@ -66,7 +66,7 @@ class MlflowLogger(Logger):
     def _log(self, results: Results, params: Sequence[Param], metrics: Sequence[Metric]) -> None:
         """Log one MLflow run."""
         uri = self._uri or f"sqlite:///{results.home.absolute() / 'mlflow.db'}"
-        with alone_in(results.home):  # of several processes, one makes what isn't there yet
+        with alone_in(results.home):  # one process makes the database, not several at once
             client = MlflowClient(tracking_uri=uri)
             experiment = _experiment(client, uri, self._experiment)
         run = client.create_run(experiment, tags={"group": results.group}, run_name=results.name)
@@ -78,14 +78,14 @@ class MlflowLogger(Logger):
             for file in results.pictures + results.tables:
                 client.log_artifact(key, str(file))
         except BaseException:
-            with suppress(Exception):  # its server may be gone; the first failure is told
+            with suppress(Exception):  # the server may be gone; the first failure is told
                 client.set_terminated(key, "FAILED")
             raise
         client.set_terminated(key)
 
 
 def _experiment(client: MlflowClient, uri: str, name: str) -> str:
-    """Return the id of the experiment, which is made if it isn't there."""
+    """Return the id of the experiment, which is made if there is none."""
     if (found := client.get_experiment_by_name(name)) is not None:
         return found.experiment_id
     # Beside the database; MLflow's own default is the directory that the command runs in.

@@ -34,7 +34,10 @@ LOGGERS: dict[str, Callable[[Any], Logger]] = {
     "tensorboard": _tensorboard,
     "mlflow": _mlflow,
 }
-"""By name, what makes a logger from its settings; their libraries are optional and slow to load."""
+"""Functions that make a logger from its settings, by its name.
+
+Each imports its library only when it is called: libraries are optional, and slow to load.
+"""
 
 
 class Loggers:
@@ -45,14 +48,15 @@ class Loggers:
             ...
             loggers.log_job(job)
 
-    A logger that fails is told of in one line and left out from then on. All else goes on.
+    When a logger fails, the user is told in one line, and it is left out from then on. Everything
+    else goes on.
 
     Attributes:
         left_out: the names of the loggers that have failed.
 
     Raises:
         ConfigError: by a method that makes a logger, as `prepare` does before anything is trained:
-            its library isn't installed, or it can't log as it is asked to.
+            its library isn't installed, or its settings can't be followed.
     """
 
     def __init__(self) -> None:
@@ -95,12 +99,12 @@ class Loggers:
 
     @contextmanager
     def _guarded(self, name: str) -> Iterator[None]:
-        """A block of a logger, at whose first failure it is told of and left out."""
+        """A block that uses a logger. A first failure is told; then the logger is left out."""
         try:
             yield
         except ConfigError:
             raise
-        except Exception as error:  # of any kind: no result depends on it
+        except Exception as error:  # of any kind, since no result depends on it
             if name not in self.left_out:
                 self.left_out.add(name)
                 reason = " ".join(str(error).split()) or type(error).__name__
@@ -112,4 +116,6 @@ def _make(name: str, settings: Any) -> Logger:
         return LOGGERS[name](settings)
     except ImportError as error:
         install = f"pip install 'fnnq_torchrl[{name}]'"
-        raise ConfigError(f"logger={name}: needs a library that isn't there; {install}") from error
+        raise ConfigError(
+            f"logger={name}: needs a library that isn't installed; {install}"
+        ) from error

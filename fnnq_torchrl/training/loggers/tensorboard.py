@@ -15,7 +15,7 @@ from .base import JobResults, Logger, SweepResults
 
 
 class TensorboardLogger(Logger):
-    """Events below the directory of each job and sweep.
+    """Event files in the directory of each job and sweep.
 
     Args:
         settings: see ``conf/logger/tensorboard.yaml``.

@@ -1,7 +1,7 @@
 """Weights & Biases: one wandb run for each job, for each run of it, or for the whole sweep.
 
-TorchRL's WandbLogger isn't used: it would only pass `wandb.init` on. Tables, pictures, files, time
-limits and the end of a run all go past it.
+TorchRL's WandbLogger isn't used: it only calls `wandb.init`, and has nothing for tables, pictures,
+files, time limits and the end of a run.
 """
 
 import csv
@@ -26,27 +26,27 @@ from fnnq_torchrl.training.terminal import announce
 
 from .base import JobResults, Logger, Results, SweepResults
 
-logging.getLogger("wandb").setLevel(logging.WARNING)  # what it does is of no interest, run by run
+logging.getLogger("wandb").setLevel(logging.WARNING)  # it would log every run
 
 _AT_ONCE = 8
-"""Wandb runs that are logged side by side, since each waits for the server twice."""
+"""Wandb runs that are logged at the same time, since each waits for the server twice."""
 
 _RUN_S = 0.05
-"""Seconds that a wandb run takes (benchmarks/loggers.py)."""
+"""Seconds that it takes to log a wandb run (benchmarks/loggers.py)."""
 
 _MANY = 100
-"""The most wandb runs that take no time worth a word."""
+"""The user is told how long it takes to log more wandb runs than these."""
 
 
 class WandbLogger(Logger):
-    """Wandb runs online or, where that can't be, in the directories of the jobs.
+    """Wandb runs online or, without a login or a server, in the directories of the jobs.
 
     Args:
         settings: see ``conf/logger/wandb.yaml``.
 
     Raises:
-        ConfigError: it is to log online, and nobody is logged in; or wandb's own settings, of the
-            environment, are wrong.
+        ConfigError: the mode is ``online``, and nobody is logged in; or one of wandb's environment
+            variables is wrong.
     """
 
     def __init__(self, settings: WandbConfig) -> None:
@@ -82,7 +82,7 @@ class WandbLogger(Logger):
         """Wait for wandb's process to end.
 
         Raises:
-            Exception: it has failed. At the exit, wandb would tell so with a traceback.
+            Exception: it has failed. Without this call, wandb would print a traceback at the exit.
         """
         try:
             wandb.teardown()
@@ -129,18 +129,18 @@ class WandbLogger(Logger):
             tags=settings.tags,
             name=name,
             config=dict(config),
-            reinit="create_new",  # without it, what is one run too many goes to the first
+            reinit="create_new",  # without it, two runs at once become one
             settings=wandb.Settings(
                 silent=True,
                 console="off",
-                x_disable_stats=True,  # of the machine, which isn't learning any more
+                x_disable_stats=True,  # of the machine, which has finished learning
                 x_save_requirements=False,  # reading them takes as long as all the rest
                 init_timeout=settings.timeout_s,
                 finish_timeout=settings.timeout_s,
                 finish_timeout_raises=True,
             ),
         )
-        try:  # and not `with`, since wandb's prints a traceback
+        try:  # not `with log`, which prints a traceback
             yield log
         except BaseException:
             log.finish(exit_code=1)
@@ -166,10 +166,10 @@ class WandbLogger(Logger):
 
 
 def _mode(asked: str) -> Any:
-    """Return the mode of wandb that the user has asked for, here or as wandb has it.
+    """Return the mode of wandb that the user has chosen, in our configuration or in wandb's.
 
-    Without any, it is online for a user who is logged in, and offline with a word about it for
-    others. Nothing is asked and nothing goes over the network.
+    By default it is online for a user who is logged in. For others it is offline, and they are
+    told. The user isn't asked for anything, and nothing goes over the network.
 
     Raises:
         ConfigError: see `WandbLogger`.
@@ -188,8 +188,8 @@ def _mode(asked: str) -> Any:
         raise ConfigError(
             f"{key}=online: nobody is logged in; `wandb login` or WANDB_API_KEY do that"
         )
-    if not mode and settings.mode != "online":  # what nobody has set is online, too
-        mode = settings.mode  # by `wandb offline`
+    if not mode and settings.mode != "online":  # online may also be just the default
+        mode = settings.mode  # set by `wandb offline`
     if not mode and not logged_in:
         announce("wandb: nobody is logged in, so it logs offline; `wandb sync` uploads it later")
     return mode or ("online" if logged_in else "offline")
@@ -207,7 +207,10 @@ def _images(pictures: Iterable[Path]) -> dict[str, Any]:
 
 
 def _runs_table(job: JobResults) -> wandb.Table:
-    """Return a row for each run: its seed, which is all that it has of its own, and its results."""
+    """Return a table with a row for each run: its seed and its results.
+
+    The runs of a job differ in nothing but the seed.
+    """
     evaluations = job.evaluations
     columns = {
         "seed": evaluations.seed,
@@ -217,7 +220,7 @@ def _runs_table(job: JobResults) -> wandb.Table:
         "final_score": evaluations.final_score,
     }
     table = wandb.Table(columns=[], data=[])
-    for name, column in columns.items():  # which wandb takes several times faster than rows
+    for name, column in columns.items():  # several times faster than by rows
         table.add_column(name, column.tolist())
     return table
 
@@ -239,6 +242,6 @@ def _number(cell: str) -> float | str | None:
 
 def _save(log: wandb.Run, files: Iterable[Path]) -> None:
     for path in files:
-        # A copy, since wandb warns of the links that it would make.
+        # A copy: of files elsewhere wandb makes links, and prints a warning.
         copy = shutil.copy(path, log.dir)
         log.save(copy, base_path=log.dir, policy="end")

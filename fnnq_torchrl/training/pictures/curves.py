@@ -1,9 +1,8 @@
 """Learning curves: the score against the learning situations."""
 
+import textwrap
 from collections.abc import Sequence
-from itertools import cycle
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,14 +13,17 @@ from numpy.typing import NDArray
 
 from fnnq_torchrl.training.intervals import MeanInterval, mean_interval
 from fnnq_torchrl.training.results import CONFIDENCE, Evaluations, best_first, read_evaluations
+from fnnq_torchrl.training.score import Score
 
+from .curve import Curve
 from .style import (
+    COLOURS,
     LABEL_PITCH_PT,
     LABEL_PT,
-    LINES,
     count_words,
     label_ends,
     new_figure,
+    own_style,
     quiet_grid,
     save,
 )
@@ -29,37 +31,33 @@ from .words import setting_words
 
 _WIDTH_IN, _HEIGHT_IN = 7.0, 4.2
 _SHORT_LABEL = 10  # letters that a picture of the usual width has room for
-_MOST_LABELS = 20  # more lines and bands can't be told apart
+
+_MOST_PANELS = 20
+_COLUMNS = 4
+_PANEL_IN = (2.4, 1.8)
+_TITLE_PT = 8.0
+_TITLE_LETTERS = 32  # in a line as wide as a panel
 
 
-_MEASURES = {
-    "successes": "score (catches)",
-    "return": "return, mean over the test's episodes",
-    "length": "steps of an episode, mean over the test's",
-}
-
-
-def learning_curve(
-    evaluations_csv: Path, picture: Path, best: int | None = None, measure: str = "successes"
-) -> None:
-    """Draw the mean score against the learning situations: a curve and a band for each λ.
+@own_style()
+def learning_curve(evaluations_csv: Path, picture: Path, score: Score) -> None:
+    """Draw the mean score of a job against the learning situations: a curve and a band for each λ.
 
     Args:
         evaluations_csv: the result file, the only source of what is drawn.
         picture: the file to write, atomically; its suffix (.png, .svg, .pdf) is its format.
-        best: the highest possible score of a test that counts successes; the highest in the file
-            if not given.
-        measure: what the score is (:attr:`envs.core.world.WorldConfig.measure`).
+        score: the job's.
 
     Raises:
         OSError: a file cannot be read or written.
         ValueError: the result file is foreign or damaged, or the format is unknown.
     """
-    save(learning_curve_figure(read_evaluations(evaluations_csv, measure), best), picture)
+    evaluations = read_evaluations(evaluations_csv, score.measure)
+    save(learning_curve_figure(evaluations, score), picture)
 
 
-def learning_curve_figure(evaluations: Evaluations, best: int | None = None) -> Figure:
-    """Draw what :func:`learning_curve` writes, with its ``best``."""
+def learning_curve_figure(evaluations: Evaluations, score: Score) -> Figure:
+    """Return the figure that :func:`learning_curve` writes."""
     curves = [
         Curve(
             setting_words("lam", float(lam)),
@@ -69,122 +67,145 @@ def learning_curve_figure(evaluations: Evaluations, best: int | None = None) -> 
         )
         for lam in np.unique(evaluations.lam)
     ]
-    return curves_figure(curves, "values of λ", best, evaluations.measure)
+    return curves_figure(curves, "values of λ", score)
 
 
-class Curve(NamedTuple):
-    """The runs of one configuration."""
-
-    name: str
-    situations: NDArray[np.int64]  # [evaluations], learning situations before each
-    scores: NDArray[Any]  # [runs, evaluations]
-    diverged: int  # runs; from then on they have the worst score there is
-
-    @property
-    def label(self) -> str:
-        """The name and, if there are any, how many runs have diverged."""
-        return f"{self.name} ({self.diverged:,} diverged)" if self.diverged else self.name
-
-    @property
-    def mean_score(self) -> NDArray[np.float64]:
-        """Of each run after learning began, ``[runs]``."""
-        return self.scores[:, 1:].mean(axis=1)
-
-
-def sweep_curves(
-    curves: Sequence[Curve], of: str, picture: Path, best: int | None, measure: str = "successes"
-) -> None:
+@own_style()
+def sweep_curves(curves: Sequence[Curve], of: str, picture: Path, score: Score) -> None:
     """Draw the mean score of a sweep's configurations, a curve and a band for each.
 
     Args:
-        curves: in their order; at least one.
-        of: what there is one curve for each of, in the plural.
+        curves, of, score: as in :func:`curves_figure`.
         picture: the file to write, atomically; its suffix is its format.
-        best, measure: as in :func:`curves_figure`.
 
     Raises:
         OSError: the file cannot be written.
         ValueError: the format is unknown.
     """
-    save(curves_figure(curves, of, best, measure), picture)
+    save(curves_figure(curves, of, score), picture)
 
 
-def curves_figure(
-    curves: Sequence[Curve], of: str, best: int | None = None, measure: str = "successes"
-) -> Figure:
-    """Draw curves and bands, each with its label at its end.
+def curves_figure(curves: Sequence[Curve], of: str, score: Score) -> Figure:
+    """Return a figure with a curve and a band for each configuration.
 
-    Of more than can be told apart, the best have colours and labels, and the others are grey.
+    As many as there are colours are drawn together, each with its label at its end. More have a
+    panel each, with all others in grey behind; of very many, the best have one.
 
     Args:
         curves: in their order; at least one.
-        of: what there is one curve for each of, in the plural.
-        best: the highest possible score; the highest among the curves if not given.
-        measure: what the score is (:attr:`envs.core.world.WorldConfig.measure`).
+        of: what the curves differ in, in the plural.
+        score: that of all curves.
     """
-    by_score = best_first([curve.mean_score for curve in curves], measure)
-    labelled = [curves[i] for i in sorted(by_score[:_MOST_LABELS])]
-    others = [curves[i] for i in by_score[_MOST_LABELS:]]
-    intervals = [mean_interval(curve.scores, confidence=CONFIDENCE) for curve in labelled]
+    draw = _together if len(curves) <= len(COLOURS) else _in_panels
+    return draw(curves, of, score)
+
+
+def _together(curves: Sequence[Curve], of: str, score: Score) -> Figure:
+    intervals = _intervals(curves, score)
     # Tall enough for all labels, one above the other; wide enough for the longest.
-    height_in = max(_HEIGHT_IN, 1.6 + len(labelled) * LABEL_PITCH_PT / 72)
-    longest = max(len(curve.label) for curve in labelled)
+    height_in = max(_HEIGHT_IN, 1.6 + len(curves) * LABEL_PITCH_PT / 72)
+    longest = max(len(curve.label) for curve in curves)
     width_in = _WIDTH_IN + max(0, longest - _SHORT_LABEL) * 0.6 * LABEL_PT / 72
-    title, caption = _titles(curves, of, intervals)
-    if others:
-        caption += f"\ngrey: the other {len(others):,}, which scored worse"
-    figure = new_figure(width_in, height_in, title, caption)
+    figure = new_figure(width_in, height_in, _title(curves, of), _caption(curves, intervals))
     axes = figure.add_subplot()
-    _set_score_axis(axes, measure, best, max(int(curve.scores.max()) for curve in curves))
-    _set_situations_axes(axes, max((curve.situations for curve in curves), key=lambda s: s[-1]))
-    for curve, (mean, low, high), (colour, style) in zip(
-        labelled, intervals, cycle(LINES), strict=False
-    ):
-        axes.plot(curve.situations, mean, color=colour, linestyle=style, linewidth=1.4)
-        axes.fill_between(curve.situations, low, high, color=colour, alpha=0.3, linewidth=0)
-    for curve in others:
-        # Not one of the axes' lines, each of which has a label.
-        points = np.stack([curve.situations, curve.scores.mean(axis=0)], axis=1)
-        axes.add_collection(LineCollection([points], color="0.85", linewidth=0.8, zorder=1.5))
+    axes.set_ylabel(score.words)
+    axes.set_xlabel("learning situations")
+    _set_ranges(axes, curves, score)
+    _count_evaluations(axes, _longest(curves))
+    for curve, interval, colour in zip(curves, intervals, COLOURS, strict=False):
+        _draw(axes, curve, interval, colour)
     figure.draw_without_rendering()  # lays out, which gives the axes their height
-    label_ends(axes, [curve.label for curve in labelled])
+    label_ends(axes, [curve.label for curve in curves])
     return figure
 
 
-def _titles(curves: Sequence[Curve], of: str, intervals: Sequence[MeanInterval]) -> tuple[str, str]:
-    """Say what the picture shows, and what its lines and bands are."""
-    runs = [len(curve.scores) for curve in curves]
-    over = count_words(runs)
+def _in_panels(curves: Sequence[Curve], of: str, score: Score) -> Figure:
+    by_score = best_first([curve.mean_score for curve in curves], score.measure)
+    shown = [curves[place] for place in sorted(by_score[:_MOST_PANELS])]
+    intervals = _intervals(shown, score)
+    rows = -(-len(shown) // _COLUMNS)
+    titles = [
+        "\n".join(line for text in curve.words for line in textwrap.wrap(text, _TITLE_LETTERS))
+        for curve in shown
+    ]
+    lines = max(title.count("\n") for title in titles)  # beyond the first
+    height_in = rows * (_PANEL_IN[1] + lines * 1.2 * _TITLE_PT / 72) + 1.0
+    caption = f"{_caption(curves, intervals)}; grey: all others"
+    title = _title(curves, of)
+    if len(shown) < len(curves):
+        title += f": the best {len(shown)}"
+    figure = new_figure(_COLUMNS * _PANEL_IN[0], height_in, title, caption)
+    figure.supylabel(score.words, fontsize="medium")
+    panels = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True).flatten()
+    _set_ranges(panels[0], curves, score, ticks=4)
+    lines_of_all = [
+        np.stack([curve.situations, curve.scores.mean(axis=0)], axis=1) for curve in curves
+    ]
+    for place, axes in enumerate(panels):
+        if place >= len(shown):
+            axes.set_visible(False)
+            continue
+        quiet_grid(axes)
+        axes.add_collection(LineCollection(lines_of_all, color="0.85", linewidth=0.6, zorder=0.9))
+        _draw(axes, shown[place], intervals[place], COLOURS[0])
+        axes.set_title(titles[place], fontsize=_TITLE_PT)
+        axes.tick_params(labelsize=_TITLE_PT)
+        if place + _COLUMNS >= len(shown):  # nothing below it
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel("learning situations", fontsize=_TITLE_PT)
+    return figure
+
+
+def _intervals(curves: Sequence[Curve], score: Score) -> list[MeanInterval]:
+    return [
+        mean_interval(curve.scores, confidence=CONFIDENCE, bounds=score.bounds) for curve in curves
+    ]
+
+
+def _draw(axes: Axes, curve: Curve, interval: MeanInterval, colour: str) -> None:
+    mean, low, high = interval
+    axes.plot(curve.situations, mean, color=colour, linewidth=1.4)
+    axes.fill_between(curve.situations, low, high, color=colour, alpha=0.2, linewidth=0)
+
+
+def _title(curves: Sequence[Curve], of: str) -> str:
+    over = count_words([len(curve.scores) for curve in curves])
     if len(curves) == 1:
-        title = f"Learning curve for {curves[0].label}, {over}"
-    else:
-        title = f"Learning curves for {len(curves):,} {of}, {over} each"
-    if max(runs) == 1:
-        return title, "line: a single run, which has no confidence interval"
+        return f"Learning curve for {curves[0].label}, {over}"
+    return f"Learning curves for {len(curves):,} {of}, {over} each"
+
+
+def _caption(curves: Sequence[Curve], intervals: Sequence[MeanInterval]) -> str:
+    """Return what the lines and bands are."""
+    widths = np.concatenate([interval.high - interval.low for interval in intervals])
+    if np.isnan(widths).all():
+        return "line: a single run, which has no confidence interval"
     # In figures too, since over many runs the band is too narrow to be seen.
-    widest = np.nanmax([np.nanmax(interval.high - interval.low) for interval in intervals]) / 2
-    return title, (
-        f"line: mean over {over}; band: its {100 * CONFIDENCE:g} % confidence interval "
-        f"(Student's t), at most ±{widest:.2g}"
+    return (
+        f"line: mean over {count_words([len(curve.scores) for curve in curves])}; band: its "
+        f"{100 * CONFIDENCE:g} % confidence interval (Student's t), at most "
+        f"{np.nanmax(widths):.2g} wide"
     )
 
 
-def _set_score_axis(axes: Axes, measure: str, best: int | None, highest_seen: int) -> None:
-    words = _MEASURES[measure]
-    axes.set_ylabel(words if best is None else f"score (catches of {best})")
+def _longest(curves: Sequence[Curve]) -> NDArray[np.int64]:
+    return max((curve.situations for curve in curves), key=lambda situations: situations[-1])
+
+
+def _set_ranges(axes: Axes, curves: Sequence[Curve], score: Score, ticks: int = 10) -> None:
+    """Give the axes their ranges; those of successes begin at 0 and hold the highest score."""
     quiet_grid(axes)
-    if measure == "successes":
-        # A little above the highest, so that the frame hides no curve that stays there.
-        axes.set_ylim(0, 1.02 * (best or max(highest_seen, 1)))
+    axes.set_xlim(0, _longest(curves)[-1])
+    axes.xaxis.set_major_locator(MaxNLocator(ticks, integer=True))
+    if score.measure == "successes":
+        highest_seen = max(int(curve.scores.max()) for curve in curves)
+        highest = score.high if np.isfinite(score.high) else max(highest_seen, 1)
+        axes.set_ylim(0, 1.02 * highest)  # the frame hides no curve that stays at the highest
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))
 
 
-def _set_situations_axes(axes: Axes, situations: NDArray[np.int64]) -> None:
-    """Count the learning situations below and, as the paper does, the evaluations above."""
-    axes.set_xlim(0, situations[-1])
-    axes.set_xlabel("learning situations")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-
+def _count_evaluations(axes: Axes, situations: NDArray[np.int64]) -> None:
+    """Number the evaluations above the picture, as the paper does."""
     locator = MaxNLocator(nbins=10, steps=[1, 2, 5, 10], integer=True)
     ticks = np.array(locator.tick_values(0, situations.size - 1), dtype=int)
     ticks = ticks[ticks < situations.size]

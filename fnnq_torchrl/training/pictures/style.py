@@ -1,11 +1,12 @@
-"""What all pictures have in common: colours, labels beside lines, titles and files."""
+"""The style that all pictures share: colours, labels beside lines, titles and files."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import rc_context, rcdefaults
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -13,20 +14,28 @@ from scipy.optimize import isotonic_regression
 
 from fnnq_torchrl.files.atomic import atomic_write
 
-# Okabe and Ito's colours, safe for the colour-blind, but for the yellow, too pale on white.
+# Okabe and Ito's colours, which the colour-blind can tell apart, without yellow, which is too pale.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-# When the colours are used up, they come again with another line.
+# After the last colour, all come again with another style of line.
 LINES = [(colour, style) for style, colour in product(("-", "--", ":", "-."), COLOURS)]
 GREY = "0.35"
 LABEL_PT = 9.0
 LABEL_PITCH_PT = 1.35 * LABEL_PT
-"""From one label's middle to the next one's, at least."""
+"""The least distance between the middles of two labels."""
 
 _DPI = 160
 
 
+@contextmanager
+def own_style() -> Iterator[None]:
+    """Draw with Matplotlib's defaults, whatever its user has set, in a block or a function."""
+    with rc_context():
+        rcdefaults()
+        yield
+
+
 def new_figure(width_in: float, height_in: float, title: str, caption: str) -> Figure:
-    """An empty picture with its words above and below."""
+    """Return an empty figure with its title above and its caption below."""
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     figure.suptitle(title, fontsize=12)
     figure.supxlabel(caption, fontsize=8.5, color=GREY)
@@ -49,20 +58,20 @@ def save(figure: Figure, picture: Path) -> None:
 
 
 def count_words(runs: Sequence[int] | NDArray[np.int64]) -> str:
-    """«22 runs», «1 run» or, where numbers differ, «21 to 22 runs»."""
+    """Return ``22 runs``, ``1 run`` or, if the numbers differ, ``21 to 22 runs``."""
     fewest, most = min(runs), max(runs)
     number = f"{most:,}" if fewest == most else f"{fewest:,} to {most:,}"
     return f"{number} run{'s' if most > 1 else ''}"
 
 
 def quiet_grid(axes: Axes) -> None:
-    """Grid lines behind everything else."""
+    """Draw grid lines behind everything else."""
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
 
 
 def label_ends(axes: Axes, labels: Sequence[str]) -> None:
-    """Write beside each line's last point what it is, and link the two.
+    """Write each line's label beside its last point, and link the two.
 
     The figure must have been laid out, which gives the axes their height.
     """
@@ -95,17 +104,17 @@ def spread(
     """Move heights as little as possible (least squares) until all are ``gap`` apart.
 
     Args:
-        heights: where they would be, ``[n]``, in any order; their order is kept.
+        heights: the wanted heights, ``[n]``, in any order, which is kept.
         gap: least distance of two neighbours.
-        low: lower bound for the moved heights.
-        high: upper bound for them, no less than n − 1 gaps above the lower.
+        low: lower bound of the moved heights.
+        high: their upper bound, at least n − 1 gaps above the lower.
 
     Returns:
         The moved heights, ``[n]``.
     """
     order = np.argsort(heights, kind="stable")
     room = gap * np.arange(heights.size)
-    # Less the room that the ones below it need, each must only not fall: isotonic regression.
+    # Without the room for those below them, the heights need only not fall: isotonic regression.
     moved = isotonic_regression(heights[order] - room).x
     result = np.empty_like(moved)
     result[order] = np.clip(moved, low, high - room[-1]) + room

@@ -1,4 +1,4 @@
-"""What figures and pages call a setting."""
+"""The words for settings in figures and on pages."""
 
 from typing import Any
 
@@ -39,13 +39,13 @@ _VALUES = {
 
 
 def key_words(key: str) -> str:
-    """A key, as an axis calls it: with its unit."""
+    """Return the words for a key with its unit, as for an axis."""
     name, unit = _KEYS.get(key, (key, ""))
     return f"{name} ({unit})" if unit else name
 
 
 def value_words(value: Any) -> str:
-    """A value, as a tick calls it."""
+    """Return the words for a value, as for a tick."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float | int):
@@ -54,7 +54,7 @@ def value_words(value: Any) -> str:
 
 
 def setting_words(key: str, value: Any) -> str:
-    """A key with its value: «V₀ = 0.3 m/s»; of what names itself, only the value: «Peng»."""
+    """Return a key with its value, ``V₀ = 0.3 m/s``, or a value that needs no key: ``Peng``."""
     if isinstance(value, str) and key not in _KEYS:
         return value_words(value)
     name, unit = _KEYS.get(key, (key, ""))

@@ -1,1 +1,1 @@
-"""What is done so far of a training, and going on from it."""
+"""The progress of a training: saved, and loaded again to go on."""

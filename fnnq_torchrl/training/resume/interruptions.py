@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Any, Self
 
 SAVING = ("SIGUSR1", "SIGUSR2")
-"""Signals that ask for a save, after which the work goes on; Slurm's warning."""
+"""Signals that ask for a save, after which the work goes on. Slurm sends one as a warning."""
 
 _ENDING = ("SIGTERM", "SIGINT")
 
@@ -18,7 +18,7 @@ class Interrupted(Exception):
     """A signal has ended the work, which is saved.
 
     Args:
-        number: the signal's.
+        number: of the signal.
     """
 
     def __init__(self, number: int) -> None:
@@ -28,15 +28,15 @@ class Interrupted(Exception):
 
     def __str__(self) -> str:
         name = signal.Signals(self.args[0]).name
-        return f"{name}: what is done so far is saved; in the same directory, it goes on from there"
+        return f"{name}: the training is saved; the same command in the same directory goes on"
 
 
 class Lost(Interrupted):
     """A signal has ended the work, and it couldn't be saved.
 
     Args:
-        number: the signal's.
-        error: why not.
+        number: of the signal.
+        error: the reason.
     """
 
     def __init__(self, number: int, error: OSError) -> None:
@@ -50,14 +50,14 @@ class Lost(Interrupted):
 
 
 class Interruptions:
-    """Says when to save and when to end, within a ``with`` block in the main thread.
+    """Tells when to save and when to end, within a ``with`` block in the main thread.
 
-    There, SIGUSR1 and SIGUSR2 make a save due; SIGTERM and SIGINT do so too, and end the work after
-    it. A second SIGTERM or SIGINT ends it at once. A signal that something else answers, such as
-    submitit, is left to it; so is a SIGTERM or SIGINT that the process was started to ignore, as a
-    script's background jobs are.
+    In this block, SIGUSR1 and SIGUSR2 ask for a save. SIGTERM and SIGINT ask for a save and for an
+    end after it; a second one ends the process at once. Two kinds of signals are left alone: those
+    that somebody else handles, such as submitit, and a SIGTERM or SIGINT that the process was
+    started to ignore, as a script's background jobs are.
 
-    The block may go on after the work, for what is not to be cut off, such as the writing of
+    The block may go on after the work with something that must not be cut off, such as writing
     results; :meth:`obey` then ends it.
 
     Args:
@@ -83,7 +83,7 @@ class Interruptions:
 
     @contextmanager
     def watched(self) -> Iterator[None]:
-        """A block within which the work is saved when it is due."""
+        """A block of work that is saved when a save is due."""
         self._watched = True
         try:
             yield
@@ -92,24 +92,24 @@ class Interruptions:
 
     @property
     def ending(self) -> bool:
-        """Whether the work is to end."""
+        """True if the work is to end."""
         return bool(self._ends_by)
 
     def due(self) -> bool:
-        """Return whether it is time to save."""
+        """Return True if it is time to save."""
         return self._asked or self.ending or self._clock() - self._last_s >= self._every_s
 
     def saved(self) -> None:
         """Take note that everything is saved.
 
         Raises:
-            Interrupted: it was to be saved because the work is to end.
+            Interrupted: the work is to end.
         """
         self._end_save(well=True)
         self.obey()
 
     def obey(self) -> None:
-        """End the work if it is to end, now that everything is saved or finished.
+        """End the work if it is to end. Everything must be saved or finished by now.
 
         Raises:
             Interrupted: the work is to end.
@@ -121,7 +121,7 @@ class Interruptions:
         """Take note that the save failed. It is due again after an interval or at a signal.
 
         Raises:
-            Lost: it was to be saved because the work is to end.
+            Lost: the work is to end.
         """
         self._end_save(well=False)
         if self._ends_by:
@@ -131,7 +131,7 @@ class Interruptions:
         """Ask for a save, from the main thread, and wait for it.
 
         Returns:
-            Whether it was saved: not if that failed, took too long, or nothing is at work.
+            True if it was saved; False if that failed or took too long, or nothing is at work.
         """
         if not self._watched:
             return False

@@ -1,4 +1,4 @@
-"""The work that is in hand, gathered from all workers so that it can be saved."""
+"""The unfinished runs of all workers, gathered so that they can be saved."""
 
 from collections.abc import Callable, Sequence
 
@@ -8,20 +8,20 @@ from torch import Tensor
 from fnnq_torchrl.training.resume.interruptions import Interruptions
 
 Hand = tuple[Tensor, TensorDictBase]
-"""Jobs that have begun, int64 ``[busy]``, and their states, ``[busy]``."""
+"""The numbers of jobs that have begun, int64 ``[busy]``, and their states, ``[busy]``."""
 
 
 class HandsKeeper:
     """The :class:`fnnq_torchrl.engine.scheduler.Keeper` that saves when it is due.
 
-    When a save is due, each worker that comes by leaves a copy of what it has in hand; the last of
-    them has it saved, together with what is done. A worker may have gone on meanwhile: after an
-    interruption those steps are taken once more, and come to the same.
+    When a save is due, each worker leaves a copy of its unfinished runs at its next visit, and goes
+    on. The last of them saves all copies, together with what is finished. After an interruption the
+    steps since the copies are taken again, with the same results.
 
     Args:
-        interruptions: say when to save.
-        save: takes the hands of all workers that have any. If it raises an `OSError`, the work
-            goes on, unless it is to end, and the next save is due an interval later.
+        interruptions: tell when to save.
+        save: called with the hands of all workers that have any. If it raises an `OSError`, the
+            work goes on, unless it is to end, and the next save is due an interval later.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class HandsKeeper:
             self._save_all(hands)
 
     def finish(self) -> None:
-        """Save once more if the work is to end, now that nothing is in hand any more.
+        """Save once more if the work is to end. No worker may have unfinished runs by now.
 
         Raises:
             Interrupted: the work is to end, and is saved.

@@ -1,4 +1,4 @@
-"""The progress of a batch, which can be saved and gone on from."""
+"""The progress of a batch, which can be saved and loaded."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,18 +21,18 @@ class Ledger:
     Attributes:
         book: the snapshots.
         learned: situations learned from, int64 ``[runs]``; all, for a run that has diverged.
-        diverged: whether a run had diverged when an evaluation was due, bool ``[evaluations,
+        diverged: true if a run had diverged when an evaluation was due, bool ``[evaluations,
             runs]``. Such an evaluation is not played.
-        hands: runs that had begun to learn when this was saved, and their states then.
+        hands: the runs that were learning when this was saved, and their states then.
         results: of the test (:func:`fnnq_torchrl.training.evaluation.no_results`), batch size
             ``[evaluations, runs, tests]``.
-        seconds: by ``train``, ``compile`` and ``evaluate``; what compiling takes is in it alone.
+        seconds: of ``train``, ``compile`` and ``evaluate``; compiling isn't part of the others.
 
     Args:
-        runs: what the runs have of their own.
+        runs: the values in which the runs differ.
         weights: of the runs before learning, by name, each ``[runs, *weights]``.
         every: situations from one evaluation to the next.
-        evaluations: how many there are, the one before learning included.
+        evaluations: their number, the one before learning included.
         tests: situations in each.
     """
 
@@ -56,11 +56,11 @@ class Ledger:
         self._since = 0.0
 
     def stop(self, runs: Tensor, steps: Tensor) -> None:
-        """Runs have diverged: the last snapshot of each stands for all that were to come.
+        """Stop runs that have diverged; the last snapshot of each stands for all later ones.
 
         Args:
             runs: their numbers, int64 ``[stopped]``.
-            steps: that they have taken, int64 ``[stopped]``.
+            steps: the steps that they have taken, int64 ``[stopped]``.
         """
         self.book.close(runs, steps)
         due = torch.arange(len(self.diverged)).unsqueeze(-1)
@@ -78,7 +78,7 @@ class Ledger:
 
     @contextmanager
     def timed(self, what: str) -> Iterator[None]:
-        """Count the time of a block, less that of such blocks in it."""
+        """Count the time of a block, without that of timed blocks inside it."""
         self._split()
         self._running.append(what)
         try:
@@ -94,11 +94,11 @@ class Ledger:
         self._since = now
 
     def state_dict(self, hands: Sequence[Hand] = ()) -> dict[str, Any]:
-        """Return all of it, as plain tensors and numbers.
+        """Return the progress as plain tensors and numbers.
 
         Args:
-            hands: runs that have begun to learn, and their states. Those that had begun earlier,
-                and that nobody has gone on with yet, are as they were.
+            hands: the runs that are learning now, and their states. Runs that were loaded and that
+                no worker has taken up yet are added as they were.
         """
         self._split()
         hands = [*hands, *self._waiting(hands)]
@@ -114,7 +114,7 @@ class Ledger:
         }
 
     def _waiting(self, hands: Sequence[Hand]) -> Iterator[Hand]:
-        """Yield what was in hand, of runs that are neither done nor in anybody's hand now."""
+        """Yield the loaded runs that are neither done nor in a worker's hands."""
         elsewhere = self.learned >= (len(self.diverged) - 1) * self.book.every
         for jobs, _ in hands:
             elsewhere[jobs] = True
@@ -124,11 +124,11 @@ class Ledger:
                 yield jobs[here], state[here.to(state.device)]
 
     def load_state_dict(self, saved: dict[str, Any], rows: Tensor) -> None:
-        """Go on from what was done of the same runs, or of these and others.
+        """Load the progress of these runs from a ledger that had them, and perhaps others.
 
         Args:
-            saved: what :meth:`state_dict` gave, with equal evaluations and weights.
-            rows: where each run is among those that were saved, int64 ``[runs]``.
+            saved: the :meth:`state_dict` of that ledger, with equal evaluations and weights.
+            rows: the place of each run in that ledger, int64 ``[runs]``.
         """
         pages = self.book.pages
         evaluations, runs = len(pages), len(saved["runs"])

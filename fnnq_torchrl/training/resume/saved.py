@@ -1,4 +1,4 @@
-"""Training that isn't finished, on disk: what it takes to go on from there."""
+"""The file of a training that isn't finished."""
 
 import hashlib
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from fnnq_torchrl.training.resume.ledger import Ledger
 
 FORMAT = 3
 
-# In what learning doesn't depend on; which engine it is tells the identity by itself.
+# Learning doesn't depend on these keys; the identity has the engine that was chosen instead.
 _NO_MATTER = (*ASIDE, "engine", *BATCHABLE)
 
 
@@ -26,7 +26,7 @@ class SavedTraining:
     """The file of a batch's training, in the batch's directory.
 
     Args:
-        batch: whose it is. Another engine's results would differ in the last bits.
+        batch: the batch, with its engine: the results of another would differ in the last bits.
     """
 
     def __init__(self, batch: Batch) -> None:
@@ -41,7 +41,7 @@ class SavedTraining:
         self._read: tuple[dict[str, Any], Tensor] | None = None
 
     def read(self) -> None:
-        """Read the file, if there is one that is to be gone on from.
+        """Read the file, if there is one and ``resume`` isn't ``never``.
 
         Raises:
             ConfigError: it is of another configuration or PyTorch or of other runs, or damaged.
@@ -52,22 +52,22 @@ class SavedTraining:
         try:
             content = read_plain(self.path, FORMAT, "a saved training")
         except ValueError as error:
-            raise ConfigError(f"{error}; resume=never begins anew") from error
+            raise ConfigError(f"{error}; resume=never starts over") from error
         rows = None
         if content["identity"] == self._identity:
             rows = self._batch.runs.rows_among(content["ledger"]["runs"].numpy())
         if rows is None:
             raise ConfigError(
                 f"{self.path} is of another configuration or PyTorch; "
-                "take another directory, or begin anew with resume=never"
+                "take another directory, or start over with resume=never"
             )
         self._read = content["ledger"], torch.from_numpy(rows)
 
     def restore(self, ledger: Ledger) -> bool:
-        """Have a training go on from what was read.
+        """Load what was read into the ledger.
 
         Returns:
-            Whether there was anything.
+            True if there was a file.
         """
         read, self._read = self._read, None
         if read is not None:
@@ -75,7 +75,7 @@ class SavedTraining:
         return read is not None
 
     def save(self, ledger: Ledger, hands: Sequence[Hand]) -> None:
-        """Write all that is done so far.
+        """Write the progress so far.
 
         Raises:
             OSError: the file can't be written; an earlier one stays as it was.
@@ -84,5 +84,5 @@ class SavedTraining:
         write_plain(self.path, FORMAT, content)
 
     def discard(self) -> None:
-        """Everything is finished."""
+        """Remove the file, since everything is finished."""
         self.path.unlink(missing_ok=True)

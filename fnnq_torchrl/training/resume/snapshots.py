@@ -10,7 +10,7 @@ from fnnq_torchrl.config.schema import ConfigError
 
 
 class SnapshotBook:
-    """Collects a learner's snapshots: weights and steps of every run when each evaluation was due.
+    """The snapshots of all runs: weights and steps at the moment when each evaluation was due.
 
     Attributes:
         pages: batch size ``[evaluations, runs]``: ``weights`` by name, and ``steps``, int64. The
@@ -21,7 +21,7 @@ class SnapshotBook:
     Args:
         weights: of the runs before learning, by name, each ``[runs, *weights]``.
         every: situations from one evaluation to the next.
-        evaluations: how many there are, the one before learning included.
+        evaluations: their number, the one before learning included.
     """
 
     def __init__(self, weights: Mapping[str, Tensor], every: int, evaluations: int):
@@ -45,11 +45,11 @@ class SnapshotBook:
         self.collected = torch.zeros(runs, dtype=torch.int64)
 
     def close(self, runs: Tensor, steps: Tensor) -> None:
-        """Have the last page of runs that go no further stand for all that were to come.
+        """Fill the later pages of runs that have stopped with the last page of each.
 
         Args:
             runs: their numbers, int64 ``[closed]``.
-            steps: that they have taken, int64 ``[closed]``.
+            steps: the steps that they have taken, int64 ``[closed]``.
         """
         for run, taken in zip(runs.tolist(), steps.tolist(), strict=True):
             last = int(self.collected[run])
@@ -60,21 +60,21 @@ class SnapshotBook:
     def collect(self, runs: Tensor, state: TensorDictBase) -> None:
         """Put the snapshots that are new since the last call on their pages.
 
-        Snapshots that a run takes after its last evaluation are left out.
+        Snapshots after a run's last evaluation are ignored.
 
         Args:
-            runs: the number of each lane's run, −1 where there is none, int64 ``[lanes]``.
-            state: the learner's, ``[lanes]``.
+            runs: the number of each lane's run, −1 for an empty lane, int64 ``[lanes]``.
+            state: the learner's state, ``[lanes]``.
 
         Raises:
-            ConfigError: a run has had more than one since then, and the earlier one is lost.
+            ConfigError: a run has taken two since then, so the first of them is lost.
         """
         due = (state["situations"].squeeze(-1).cpu() // self.every).clamp(max=self._last)
         busy = runs >= 0
         if (busy & (due > self.collected[runs] + 1)).any():
             raise ConfigError(
-                "a run had two evaluations between two looks at it: fewest_steps of the world is "
-                "larger than the steps of its shortest episode"
+                "a run was due for two evaluations at once: the world's fewest_steps must not be "
+                "larger than the number of steps of its shortest episode"
             )
         lanes = (busy & (due > self.collected[runs])).nonzero().squeeze(-1)
         if len(lanes):

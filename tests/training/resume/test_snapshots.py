@@ -114,5 +114,5 @@ def test_a_snapshot_that_nobody_collected_is_told() -> None:
     """The world claims that its episodes take more steps than they do."""
     book = blank_book(runs=2)
     runs = torch.tensor([0, 1])
-    with pytest.raises(ConfigError, match="fewest_steps of the world"):
+    with pytest.raises(ConfigError, match="the world's fewest_steps must"):
         book.collect(runs, state_at([10, 5], [1.0, 1.0]))

@@ -1,0 +1,42 @@
+"""Pictures beside the numbers. A failure to draw one is told in a line, and stops nothing."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from fnnq_torchrl.training.jobs import PICTURE, Job
+from fnnq_torchrl.training.pictures.curve import Curve
+from fnnq_torchrl.training.score import Score
+from fnnq_torchrl.training.terminal import announce
+
+
+def draw_job(job: Job) -> None:
+    """Draw the learning curve of a finished job from its evaluations.csv."""
+    picture = job.directory / PICTURE
+    with _optional(picture):
+        from fnnq_torchrl.training.pictures.curves import learning_curve
+
+        learning_curve(job.directory / "evaluations.csv", picture, Score.of(job.config))
+
+
+def draw_sweep(curves: Sequence[Curve], of: str, picture: Path, score: Score) -> None:
+    """Draw the learning curves of a sweep: see `sweep_curves`."""
+    with _optional(picture):
+        from fnnq_torchrl.training.pictures.curves import sweep_curves
+
+        sweep_curves(curves, of, picture, score)
+
+
+@contextmanager
+def _optional(picture: Path) -> Iterator[None]:
+    """A block that draws a picture, after whose failure the work goes on.
+
+    Matplotlib is imported within it, since its user's settings can make that fail, too.
+    """
+    try:
+        yield
+    except Exception as error:  # of any kind: no number depends on it
+        with suppress(OSError):  # an earlier one shows other numbers
+            picture.unlink()
+        reason = " ".join(str(error).split()) or type(error).__name__
+        announce(f"going on without {picture}, which can't be drawn: {reason}")

@@ -1,0 +1,54 @@
+"""The score of a job's tests: its measure, its bounds, and the words for it."""
+
+from math import inf, isfinite
+from typing import NamedTuple, Self
+
+from fnnq_torchrl.config.schema import Config
+
+_WORDS = {
+    "return": "return, mean over the test's episodes",
+    "length": "steps of an episode, mean over the test's",
+}
+
+
+class Score(NamedTuple):
+    """A measure and its bounds: no test can score less or more."""
+
+    measure: str = "successes"  # or "return" or "length": see `WorldConfig.measure`
+    low: float = 0.0
+    high: float = inf
+    successes: str = "successes"  # the world's word for them, in the plural
+
+    @classmethod
+    def of(cls, config: Config) -> Self:
+        """Return the score of a valid configuration."""
+        world = config.env.tested
+        bounds = {
+            "successes": (0, config.evaluation.tests),
+            "return": world.returns or (-inf, inf),
+            "length": (0, world.time_limit_steps),
+        }
+        low, high = bounds[world.measure]
+        return cls(world.measure, low, high, world.successes)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """The lowest and the highest possible score."""
+        return self.low, self.high
+
+    @property
+    def name(self) -> str:
+        """One word for it, such as ``catches`` or ``return``."""
+        return self.successes if self.measure == "successes" else self.measure
+
+    @property
+    def words(self) -> str:
+        """The label of an axis that shows it."""
+        if self.measure in _WORDS:
+            return _WORDS[self.measure]
+        of = f" of {self.high:g}" if isfinite(self.high) else ""
+        return f"score ({self.successes}{of})"
+
+    def joined(self, other: Self) -> Self:
+        """Return the same score with bounds wide enough for the other's, too."""
+        return self._replace(low=min(self.low, other.low), high=max(self.high, other.high))
