@@ -1,6 +1,7 @@
 """The command line, from ``sys.argv`` to the job and back to the exit status."""
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -14,8 +15,9 @@ import pytest
 
 from fnnq_torchrl import train
 from fnnq_torchrl.config.schema import Config, ConfigError
-from fnnq_torchrl.launch.command import command, fresh_directory
-from fnnq_torchrl.train import train_batches
+from fnnq_torchrl.launch.command import command
+from fnnq_torchrl.launch.directories import fresh_directory
+from fnnq_torchrl.launch.train import train_batches
 from fnnq_torchrl.training.resume.interruptions import Interruptions
 
 ROOT = Path(train.__file__).parents[1]
@@ -155,7 +157,11 @@ def test_ctrl_c_is_one_line(run):
     def job(config, directory):
         raise KeyboardInterrupt
 
-    assert run(job=job) == (130, "interrupted\n", [])
+    typed = ("seed=3", "--lam=0.3", "resume=never")
+    status, line, _ = run(*typed, "hydra.run.dir=outputs/λ = 0.3", job=job)
+    again = " ".join(["train", *QUIET, *typed[:2], "'hydra.run.dir='\"'\"'outputs/λ = 0.3'\"'\"''"])
+    assert (status, line) == (130, f"interrupted; to go on: {again}\n")
+    assert run(*shlex.split(again)[1:])[0] == 0
 
 
 def test_a_file_that_cant_be_written_is_one_line(run):
