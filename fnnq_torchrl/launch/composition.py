@@ -87,7 +87,8 @@ def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
         return ConfigError(f"{wrong.override}: {_advice_on_parsing(wrong.override, overrides)}")
     message = " ".join(str(error).split())
     message = message or f"Hydra fails with {type(error).__name__}; HYDRA_FULL_ERROR=1 shows where"
-    cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error
+    causes = (error.__cause__, error.__context__)  # Hydra doesn't always say which
+    cause = next((each for each in causes if isinstance(each, OmegaConfBaseException)), error)
     if isinstance(cause, OmegaConfBaseException):
         key = cause.full_key or "hydra"
         if key.partition(".")[0] == "hydra":

@@ -85,7 +85,8 @@ class Multirun:
             else:
                 missing.append(job)
         if len(missing) < len(jobs):
-            log.info(f"finished already: {len(jobs) - len(missing):,} of {len(jobs):,} jobs")
+            done = len(jobs) - len(missing)
+            log.info(f"{self._directory}: finished already: {done:,} of {len(jobs):,} jobs")
         for job in missing:
             job.write_configuration()
         with env_override(self._config.hydra.job.env_set):
@@ -115,7 +116,7 @@ class Multirun:
         if not jobs:
             return {}
         batches = in_batches([job.job for job in jobs], self._settings.max_batch_size)
-        log.info(f"jobs to run: {len(jobs):,}, batches: {len(batches):,}")
+        log.info(f"{self._directory}: jobs to run: {len(jobs):,}, batches: {len(batches):,}")
         if self._loggers is None:
             from fnnq_torchrl.training.loggers import Loggers  # after the checks: scipy is slow
 

@@ -1,5 +1,6 @@
 """What a command shows on the terminal: its progress, and the table at its end."""
 
+import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -119,6 +120,18 @@ def announce(line: str, console: Console | None = None) -> None:
         console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 
+def line_label(directory: Path, part: str = "") -> str:
+    """Return how the lines about a job or a batch begin, so that each says whose it is.
+
+    Args:
+        directory: of the job or the sweep. A terminal, which shows one command, leaves it out.
+        part: one of several batches, in words.
+    """
+    words = [] if sys.stderr.isatty() else [_shown(directory)]
+    words += [part] if part else []
+    return f"{', '.join(words)}: " if words else ""
+
+
 def print_summary(summary: Summary, picture: Path, console: Console | None = None) -> None:
     """Print the numbers that a user asks for first, and where the picture is.
 
@@ -185,10 +198,13 @@ def print_sweep(
 
 
 def _print_path(console: Console, name: str, path: Path) -> None:
+    announce(f"{name}: {_shown(path)}", console)
+
+
+def _shown(path: Path) -> str:
+    """Return a path relative to the current directory if it lies below it."""
     path = path.absolute()
-    if path.is_relative_to(Path.cwd()):
-        path = path.relative_to(Path.cwd())
-    announce(f"{name}: {path}", console)
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def _interval(interval: list[float] | None, confidence: float) -> str:

@@ -229,7 +229,7 @@ def test_an_earlier_picture_does_not_stay_beside_new_files(tmp_path):
 
 def test_a_full_disk_leaves_the_training_to_go_on_from(tmp_path, capsys):
     config = load_config("situations=5")
-    jobs = [Job(replace(config, seed=seed), tmp_path / str(seed)) for seed in range(3)]
+    jobs = [Job(replace(config, seed=seed), tmp_path / str(seed), tmp_path) for seed in range(3)]
     for job in jobs:
         job.directory.mkdir()
     save_half_done(config, jobs[-1].directory, jobs)
@@ -302,7 +302,8 @@ def test_diverged_runs_are_told_and_counted(tmp_path, capsys):
         job.directory.mkdir()
     (tmp_path / "alone").mkdir()
     ((well, ill),) = run_batches([jobs], pictures=True)
-    assert "diverged: 2 of 4 runs (seed 0, 1); they stopped" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "diverged: 2 of 4 runs (seed 0 of job 1e+30, 1 of job 1e+30); they stopped" in told
     assert run_job(jobs[0].config, tmp_path / "alone") == well
     assert "diverged" not in capsys.readouterr().err
 
