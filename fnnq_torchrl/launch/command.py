@@ -92,7 +92,7 @@ class Task:
 
 
 def command(job: RunJob, run_batches: RunBatches) -> Callable[[], None]:
-    """Make a job a command.
+    """Return the command that does a job, or the jobs of a sweep.
 
     A mistake in the configuration, or any `ConfigError` of the job, is one line on stderr and exit
     status 2; a job that failed, or a file that can't be read or written, is one line and status 1;
@@ -233,7 +233,7 @@ def _leave(status: int, message: str) -> NoReturn:
 
 
 def _leave_signals_to_the_job() -> None:
-    """Ignore what asks for a save where there is nothing to save yet, or any more."""
+    """Ignore the signals that ask for a save: outside a training there is nothing to save."""
     for name in SAVING:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:

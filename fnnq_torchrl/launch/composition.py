@@ -1,4 +1,4 @@
-"""From overrides such as ``lam=0.2`` to a valid `Config`, and what to say when there is none."""
+"""Composes overrides such as ``lam=0.2`` to a valid `Config`, or says why that can't be done."""
 
 import difflib
 from collections.abc import Iterator, Sequence
@@ -57,7 +57,7 @@ def load_config(*overrides: str) -> Config:
 
 @contextmanager
 def composing(overrides: Sequence[str]) -> Iterator[None]:
-    """A block in which a configuration is composed: what fails in it is in what was typed.
+    """A block that composes a configuration: an error in it is a mistake in what was typed.
 
     Args:
         overrides: what it is composed of.
@@ -74,11 +74,11 @@ def composing(overrides: Sequence[str]) -> Iterator[None]:
 
 
 def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
-    """Return one line for an error on which Hydra spends several, without saying what is allowed.
+    """Return the error in one line that says what is allowed; Hydra's has several and doesn't.
 
     Args:
-        error: raised while a configuration was composed. Mostly it is Hydra's or OmegaConf's own,
-            but Hydra stumbles over some input by errors of other kinds.
+        error: raised while a configuration was composed. Mostly it is Hydra's or OmegaConf's own;
+            some input makes Hydra fail with other errors.
         overrides: what it was composed of.
     """
     try:
@@ -97,7 +97,7 @@ def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
         return refusal(cause, typed[0] if typed else None)
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
-        # Hydra doesn't say what else there is if the choice stands in a list.
+        # Hydra doesn't say which choices there are if the one typed stands in a list.
         if options := [each for each in error.options or choices_of(group) if each != SAVED]:
             return OutOfRange(group, choice, " or ".join(options))
     return _misuse_of_a_group(parsed) or ConfigError(message)
@@ -115,7 +115,7 @@ def refuse_several_values(overrides: Sequence[str]) -> None:
 
 
 def _advice_on_parsing(override: str, overrides: Sequence[str]) -> str:
-    """Say why an override can't be read: mostly it is a parenthesis that the shell cut."""
+    """Return why an override can't be read: mostly the shell has cut it at a parenthesis."""
     if override.count("(") <= override.count(")"):
         return "can't be read as key=value"
     begin = overrides.index(override)
@@ -167,13 +167,13 @@ def _misuse_of_a_group(overrides: Sequence[Override]) -> ConfigError | None:
 
 
 def key_of(override: str) -> str:
-    """Return the key that an override, ``lam=0.2`` or ``+lam=0.2``, is about."""
+    """Return the key of an override: ``lam`` of ``lam=0.2`` or ``+lam=0.2``."""
     return override.lstrip("+~").partition("=")[0]
 
 
 @contextmanager
 def _hydra() -> Iterator[None]:
-    """Hydra on our ``conf/``; its global state is handed back as it was found."""
+    """A block with Hydra on our ``conf/``. Its global state is restored afterwards."""
     hydra, base = GlobalHydra.instance().hydra, version.getbase()
     GlobalHydra.instance().clear()
     try:

@@ -221,6 +221,23 @@ def test_a_job_whose_files_are_being_written_ends_as_any_other(tmp_path, monkeyp
     assert run_job(load_config("situations=5"), tmp_path) >= 0
 
 
+def test_each_line_of_several_batches_says_whose_it_is(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    small = ("situations=5", "engine=eager")
+    batches = [
+        [Job(load_config(f"trace={trace}", *small), tmp_path / "sweep" / trace, tmp_path / "sweep")]
+        for trace in ("output", "gradient")
+    ]
+    for [job] in batches:
+        job.directory.mkdir(parents=True)
+    list(run_batches(batches, pictures=False))
+    lines = capsys.readouterr().err.splitlines()
+    assert {line.partition(": ")[0] for line in lines} == {
+        "sweep, batch 1 of 2",
+        "sweep, batch 2 of 2",
+    }
+
+
 def test_an_earlier_picture_does_not_stay_beside_new_files(tmp_path):
     (tmp_path / "learning_curve.png").write_text("another job's")
     list(run_batches([[Job(load_config("situations=5"), tmp_path)]], pictures=False))
