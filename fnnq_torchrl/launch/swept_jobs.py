@@ -24,9 +24,7 @@ from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE, RESULTS, SNAPSHOTS, TRA
 
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
-_Dumper: Any = getattr(
-    yaml, "CSafeDumper", yaml.SafeDumper
-)  # the faster one, in C, if there is one
+_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # in C if there is one: faster
 
 
 class _Template:
