@@ -48,9 +48,8 @@ class Application:
             use_cache=True,  # all that one application asks for the path is one directory
             replace=True,
         )
-        path = create_config_search_path(
-            str(Path(given.config_path or config_directory()).absolute())
-        )
+        main = Path(given.config_path or config_directory()).absolute()
+        path = create_config_search_path(str(main))
         if given.config_dir is not None:
             further = Path(given.config_dir).absolute()
             if not further.is_dir():
@@ -84,27 +83,19 @@ class Application:
     def compose(self) -> DictConfig:
         """Return the configuration with the ``hydra`` node, whose mode says if it is a multirun.
 
-        It is one if ``-m`` is typed, or if the sweeper has something to sweep that stands in a
-        preset and no mode is set.
+        It is one if ``-m`` is typed or a preset sets that mode. If no mode is set, it is one if the
+        sweeper has something to sweep.
 
         Raises:
             ConfigError: several values need ``-m``, or our launcher or sweeper has no such key.
         """
-        config = None
         if not self._given.multirun:
             config = self._compose(RunMode.RUN)
-            sweeper, mode = config.hydra.sweeper, config.hydra.mode
-            if mode is None and (sweeper.get("params") or sweeper.get("cases", [{}]) != [{}]):
-                mode = RunMode.MULTIRUN
-            if mode is RunMode.MULTIRUN:
-                config = None
-            else:
+            if not _sweeps(config.hydra):
                 refuse_several_values(self._given.overrides)
                 config.hydra.mode = RunMode.RUN
-        if config is None:
-            config = self._compose(RunMode.MULTIRUN, "hydra.mode=MULTIRUN")
-        configure_log(config.hydra.hydra_logging, config.hydra.verbose)
-        return config
+                return config
+        return self._compose(RunMode.MULTIRUN, "hydra.mode=MULTIRUN")
 
     def _compose(self, mode: RunMode, *further: str) -> DictConfig:
         config = self._hydra.compose_config(
@@ -123,6 +114,7 @@ class Application:
             config: as :meth:`compose` returns it.
             task: does a job.
         """
+        configure_log(config.hydra.hydra_logging, config.hydra.verbose)
         callbacks, name = Callbacks(config), self._primary
         context = HydraContext(self._hydra.config_loader, callbacks)
         if config.hydra.mode is RunMode.RUN:
@@ -143,3 +135,10 @@ class Application:
             )
             sweeper.sweep(list(config.hydra.overrides.task))
             callbacks.on_multirun_end(config=config, config_name=name)
+
+
+def _sweeps(hydra: DictConfig) -> bool:
+    """Return whether a composed ``hydra`` node is that of a multirun."""
+    if hydra.mode is not None:
+        return bool(hydra.mode is RunMode.MULTIRUN)
+    return bool(hydra.sweeper.get("params") or hydra.sweeper.get("cases", [{}]) != [{}])
