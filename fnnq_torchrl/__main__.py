@@ -1,4 +1,4 @@
-"""``python -m fnnq_torchrl`` is ``python -m fnnq_torchrl.train``."""
+"""The same command as ``python -m fnnq_torchrl.train``."""
 
 from fnnq_torchrl.train import main
 

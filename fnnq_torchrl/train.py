@@ -1,39 +1,33 @@
 """Train a batch of runs: ``python -m fnnq_torchrl.train lam=0.2 seed=3``, or ``fnnq-train …``."""
 
-from collections.abc import Iterator, Sequence
+import sys
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.launch.command import command
-from fnnq_torchrl.training.jobs import Job, Result
-from fnnq_torchrl.training.resume.interruptions import Interruptions
-
-if TYPE_CHECKING:
-    from fnnq_torchrl.training.loggers import Loggers
 
 
-def train(config: Config, directory: Path) -> float:
-    """Train the job of a configuration, and write its results into ``directory``."""
-    from fnnq_torchrl.training.job import run_job  # after the checks: torch takes seconds to import
-
-    return run_job(config, directory)
-
-
-def train_batches(
-    batches: Sequence[Sequence[Job]],
-    *,
-    pictures: bool,
-    loggers: "Loggers | None" = None,
-    interruptions: Interruptions | None = None,
-) -> Iterator[Sequence[Result]]:
-    """Train the jobs of each batch of a multirun side by side."""
-    from fnnq_torchrl.training.job import run_batches
-
-    return run_batches(batches, pictures=pictures, loggers=loggers, interruptions=interruptions)
+def main() -> None:
+    """Do what the command line says. Nothing is imported before, so that Ctrl-C is answered."""
+    _check_envs()
+    try:
+        from fnnq_torchrl.launch.train import main as train
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
+        sys.exit(130)
+    train()
 
 
-main = command(train, train_batches)
+def _check_envs() -> None:
+    """Exit with one line if another package ``envs`` stands in front of the one beside this."""
+    found, own = find_spec("envs"), Path(__file__).resolve().parents[1] / "envs"
+    place = Path(found.origin).resolve() if found is not None and found.origin else own
+    if own in (place, place.parent):
+        return
+    remedy = "take its directory off PYTHONPATH"
+    if sys.argv[0].endswith(".py"):  # python -m, which looks into the current directory first
+        remedy = "type fnnq-train instead, which looks for packages elsewhere"
+    sys.stderr.write(f"{place} hides the package envs of fnnq_torchrl; {remedy}\n")
+    sys.exit(2)
+
 
 if __name__ == "__main__":
     main()

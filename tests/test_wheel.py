@@ -91,6 +91,15 @@ def test_trains_from_another_directory_with_its_declared_dependencies_alone(
         str(site / "fnnq_torchrl"),
     ]
 
+    # A package envs of the user's own, which `python -m` finds first.
+    (home / "envs").mkdir()
+    (home / "envs" / "__init__.py").write_text("raise RuntimeError")
+    hidden = subprocess.run(
+        [python, "-m", "fnnq_torchrl"], cwd=home, capture_output=True, text=True, check=False
+    )
+    assert (hidden.returncode, hidden.stderr.count("\n")) == (2, 1)
+    assert "hides the package envs" in hidden.stderr
+
     run(tmp_path / "empty/bin/fnnq-train", "situations=5", "num_seeds=2", cwd=home)
     (evaluations,) = home.glob("outputs/**/evaluations.csv")
     assert {path.name for path in evaluations.parent.iterdir()} >= {

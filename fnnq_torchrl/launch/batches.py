@@ -29,7 +29,7 @@ def in_batches(jobs: Iterable[Job], most_runs: int) -> list[list[Job]]:
     """Share jobs out to batches, each in the jobs' order.
 
     Args:
-        jobs: in any order; those that can't be in one batch are not.
+        jobs: in any order. Those of one batch differ only in keys of `BATCHABLE`.
         most_runs: the runs that a batch may have. A job isn't split: one with more is a batch of
             its own.
     """

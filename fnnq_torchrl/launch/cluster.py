@@ -16,7 +16,7 @@ _SAVE_S = 60.0
 """The longest that saving may take before a task is put back into the queue."""
 
 _MOST_TIMEOUTS = 100
-"""How often a task that comes to its time limit is put back into the queue, to go on."""
+"""The times that a task is put back into the queue, to go on after its time limit."""
 
 
 class BatchTask:
@@ -29,7 +29,7 @@ class BatchTask:
 
     def __init__(self, run_batches: RunBatches, pictures: bool) -> None:
         self._run_batches, self._pictures = run_batches, pictures
-        self._interruptions: Interruptions | None = None  # of the work at hand
+        self._interruptions: Interruptions | None = None  # of the batch in training
 
     def __call__(self, batch: Sequence[Job]) -> list[Result]:
         """Train the jobs that have no result yet, and return the results of all.
@@ -54,7 +54,7 @@ class BatchTask:
         return list(results.values())
 
     def checkpoint(self, batch: Sequence[Job]) -> Any:
-        """Return the same task once more; what is done by now is in the jobs' directories."""
+        """Save the training, and return the task for submitit to put back into the queue."""
         from submitit.helpers import DelayedSubmission
 
         if self._interruptions is not None:
@@ -76,12 +76,12 @@ def run_on_cluster(
         run_batches: trains; must be picklable, by cloudpickle.
         batches: of jobs whose directories the tasks' machines see too.
         settings: where to run, and what each task is given.
-        folder: takes what submitit keeps of the tasks, the output of each among it.
+        folder: where submitit keeps its files, with the output of each task.
         pictures: as for ``run_batches``.
 
     Yields:
-        The results of each batch, in their order. Of a task that ends badly, those of the jobs
-        that it finished, and a `JobFailed` for the others.
+        The results of each batch, in their order. If a task fails, the jobs that it had finished
+        have their results, and each of the others has a `JobFailed`.
 
     Raises:
         ConfigError: submitit or the cluster isn't there.
@@ -127,8 +127,8 @@ def run_on_cluster(
 
 
 def _finished(job: Job) -> float | None:
-    """Return the objective, if the job's directory has it."""
+    """Return the objective from the job's directory, or None if the job isn't finished."""
     try:
         return read_summary(job.directory / "summary.json")["mean_score"]
-    except (FileNotFoundError, ValueError):  # none, or a damaged one
+    except (FileNotFoundError, ValueError):  # there is none, or it is damaged
         return None

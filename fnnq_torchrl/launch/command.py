@@ -1,40 +1,47 @@
 """The form of every command: Hydra's command line in, a valid `Config` out, errors in one line."""
 
 import errno
-import functools
 import logging
 import os
+import re
+import shlex
 import signal
 import sys
+from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
 
-import hydra
-from hydra._internal.utils import get_args_parser
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
-from hydra.core.utils import JobReturn, env_override
+from hydra.core.utils import JobReturn
 from hydra.errors import HydraException
-from hydra.types import HydraContext
+from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from fnnq_torchrl.config.checking import to_config
-from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import Config, ConfigError
-from fnnq_torchrl.launch.arguments import OneLineParser
+from fnnq_torchrl.launch.application import Application
 from fnnq_torchrl.launch.batches import RunBatches
-from fnnq_torchrl.launch.composition import VERSION_BASE, explain
+from fnnq_torchrl.launch.composition import explain, key_of
+from fnnq_torchrl.launch.directories import OutputDirectory
+from fnnq_torchrl.launch.flags import hydra_arguments
 from fnnq_torchrl.launch.from_job import choose_primary
+from fnnq_torchrl.launch.help import help_page
 from fnnq_torchrl.launch.launcher import Multirun
 from fnnq_torchrl.training.jobs import JobFailed
 from fnnq_torchrl.training.resume.interruptions import SAVING, Interrupted
 from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
 
-FULL_ERROR = "HYDRA_FULL_ERROR"  # the variable that makes Hydra raise its errors, not print them
+_FULL_ERROR = "HYDRA_FULL_ERROR"
+"""The variable that asks for Hydra's errors as they are, with their tracebacks."""
 
 _OF_DISKS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EPIPE}
+
+_PLACES = ("hydra.run.dir", "hydra.sweep.dir")
+"""The keys of the directory of a job, and of a sweep."""
 
 RunJob = Callable[[Config, Path], float | None]
 """Does a job, and returns its value for a sweeper."""
@@ -48,19 +55,19 @@ class Task:
         run_batches: does the jobs of a multirun.
 
     Attributes:
-        began: Hydra has composed, and has handed over. Whatever fails now is no mistake in what the
-            user typed.
+        began: Hydra has composed everything and handed over. An error from now on is not a mistake
+            in what the user typed.
+        again: the command that goes on from an interruption, once it is known.
     """
 
     def __init__(self, job: RunJob, run_batches: RunBatches) -> None:
-        functools.update_wrapper(self, job)  # Hydra names the log after the module of the job
         self._job, self._run_batches = job, run_batches
         self._multirun: Multirun | None = None
-        self.began = False
+        self.began, self.again = False, ""
 
     def __call__(self, node: DictConfig) -> float | None:
         """Do one job, and return its value for a sweeper."""
-        with errors_in_one_line():  # where Hydra would add a line of its own
+        with errors_in_one_line(self):  # outside, Hydra would add a line of its own
             config = to_config(node, own=True)
             directory = Path(HydraConfig.get().runtime.output_dir)
             self.began = True
@@ -79,13 +86,13 @@ class Task:
         return self._multirun.launch(job_overrides, first)
 
     def end(self) -> None:
-        """Finish the multirun, if it is one: the sweeper, which doesn't tell, launches no more."""
+        """Finish the multirun, if it is one. No sweeper says which of its launches is the last."""
         if self._multirun is not None:
             self._multirun.end()
 
 
 def command(job: RunJob, run_batches: RunBatches) -> Callable[[], None]:
-    """Make a job a command.
+    """Return the command that does a job, or the jobs of a sweep.
 
     A mistake in the configuration, or any `ConfigError` of the job, is one line on stderr and exit
     status 2; a job that failed, or a file that can't be read or written, is one line and status 1;
@@ -102,58 +109,104 @@ def command(job: RunJob, run_batches: RunBatches) -> Callable[[], None]:
         A function without arguments that reads ``sys.argv``: one job, or those of a sweep with
         ``-m``.
     """
-    for plugin in (BatchLauncher, BatchSweeper):  # Hydra finds them itself, if not everywhere
+    for plugin in (BatchLauncher, BatchSweeper):  # Hydra doesn't find them in every installation
         Plugins.instance().register(plugin)
 
-    @functools.wraps(job)
     def main() -> None:
-        full = os.environ.get(FULL_ERROR) == "1"
-        with nullcontext() if full else errors_in_one_line():
-            _run(Task(job, run_batches), full)
+        task, full = Task(job, run_batches), os.environ.get(_FULL_ERROR) == "1"
+        with nullcontext() if full else errors_in_one_line(task):
+            _run(task, full)
 
     return main
 
 
 def _run(task: Task, full: bool) -> None:
-    """Run Hydra on what is typed.
+    """Do what is typed.
 
     Args:
         task: for Hydra to call.
         full: Hydra's errors are raised as they are.
     """
-    primary, arguments = choose_primary(sys.argv[1:])
-    # Hydra's parser takes no flag between overrides.
-    arguments.sort(key=lambda argument: argument in ("-m", "--multirun"))
-    given = OneLineParser(parents=[get_args_parser()], add_help=False).parse_args(arguments)
+    given = hydra_arguments(sys.argv[1:])
+    if given.help or given.version:
+        page = help_page() if given.help else f"fnnq_torchrl {version('fnnq_torchrl')}\n"
+        sys.stdout.write(page)
+        return
     if given.experimental_rerun is not None:
         raise ConfigError(
             "--experimental-rerun: reads a pickle, which can run any code; "
             "from=DIR takes the configuration of the job in that directory"
         )
-    if given.config_name is not None and primary != "config":
-        raise ConfigError("--config-name and from= exclude each other")
+    primary, given.overrides = choose_primary(given.overrides)
+    if given.config_name is not None:
+        if primary != "config":
+            raise ConfigError("--config-name and from= exclude each other")
+        primary = given.config_name
     _leave_signals_to_the_job()
     logging.raiseExceptions = False  # a log that can't be written has nobody to tell
-    application = hydra.main(
-        version_base=VERSION_BASE, config_path=str(config_directory()), config_name=primary
-    )(task)
-    sys.argv = [sys.argv[0], *arguments]  # for Hydra to read
     try:
-        with env_override({FULL_ERROR: "1"}):
-            application()
+        with Application(given, primary) as application:
+            if application.only_shows:
+                application.show()
+            else:
+                _start(application, task, given)
     except Exception as error:
         # Hydra has an error for missing configuration that calls itself one of a file.
         of_a_file = isinstance(error, OSError) and not isinstance(error, HydraException)
         if task.began or full or of_a_file or isinstance(error, ConfigError):
             raise
-        raise explain(error, given.overrides, multirun=given.multirun) from error
+        raise explain(error, given.overrides) from error
     finally:
         task.end()
 
 
+def _start(application: Application, task: Task, given: Namespace) -> None:
+    """Run the job or the sweep. If it is refused, its directory is left as it was."""
+    config = application.compose()
+    multirun = config.hydra.mode is RunMode.MULTIRUN
+    if not multirun:
+        typed = OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])
+        to_config(typed, own=True)  # before there is a directory
+    key = _PLACES[multirun]
+    HydraConfig.instance().set_config(config)  # which the directory's name may refer to
+    directory = OutputDirectory(Path(str(OmegaConf.select(config, key))))
+    task.again = _command_again(key, directory.path)
+    try:
+        application.run(config, task)
+    except BaseException as error:
+        refused = isinstance(error, ConfigError) or (
+            isinstance(error, SystemExit) and error.code == 2
+        )
+        if refused or not task.began:
+            directory.restore()
+        raise
+
+
+def _command_again(key: str, directory: Path) -> str:
+    """Return what to type for the work to go on in its directory.
+
+    Args:
+        key: of the directory.
+        directory: shown relative to the current directory if it lies below it.
+    """
+    path = directory.absolute()
+    place = str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+    if not re.fullmatch(r"[\w./+-]+", place):  # Hydra would read something into it
+        place = "'" + place.replace("'", r"\'") + "'"
+    program = Path(sys.argv[0])
+    words = ["python", "-m", "fnnq_torchrl.train"] if program.suffix == ".py" else [program.name]
+    left_out = (*_PLACES, "resume")  # resume=never would begin anew
+    words += [word for word in sys.argv[1:] if key_of(word.removeprefix("--")) not in left_out]
+    return shlex.join([*words, f"{key}={place}"])
+
+
 @contextmanager
-def errors_in_one_line() -> Iterator[None]:
-    """Within the block, an error that isn't a bug ends the command with a line and a status."""
+def errors_in_one_line(task: Task) -> Iterator[None]:
+    """A block in which an error that isn't a bug ends the command with a line and a status.
+
+    Args:
+        task: says how to go on from an interruption.
+    """
     try:
         yield
     except ConfigError as error:
@@ -161,15 +214,15 @@ def errors_in_one_line() -> Iterator[None]:
     except JobFailed as error:
         _leave(1, str(error))
     except Interrupted as error:
-        _leave(error.status, str(error))
+        _leave(error.status, f"{error}; to go on: {task.again}")
     except OSError as error:
         if error.filename is not None:
             _leave(1, f"{error.filename}: {error.strerror}")
-        if error.errno not in _OF_DISKS:  # no file's fault
+        if error.errno not in _OF_DISKS:  # not the fault of a file
             raise
-        _leave(1, str(error.strerror))  # Hydra's own files, or the terminal, which name none
+        _leave(1, str(error.strerror))  # of Hydra's own files or the terminal: it has no name
     except KeyboardInterrupt:
-        _leave(130, "interrupted")
+        _leave(130, f"interrupted; to go on: {task.again}" if task.began else "interrupted")
 
 
 def _leave(status: int, message: str) -> NoReturn:
@@ -180,32 +233,8 @@ def _leave(status: int, message: str) -> NoReturn:
 
 
 def _leave_signals_to_the_job() -> None:
-    """Ignore what asks for a save where there is nothing to save yet, or any more."""
+    """Ignore the signals that ask for a save: outside a training there is nothing to save."""
     for name in SAVING:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, signal.SIG_IGN)
-
-
-def fresh_directory(path: str) -> str:
-    """Make the directory ``path`` or, where there is one already, ``path_2``, ``path_3``, ….
-
-    Two jobs that start within a second never share one: the system makes it for the first only.
-    """
-    name, number = path, 1
-    while True:
-        with suppress(FileExistsError):
-            Path(name).mkdir(parents=True)
-            return name
-        number += 1
-        name = f"{path}_{number}"
-
-
-def _directory(path: str) -> str:
-    """Return a job's directory for conf/config.yaml. What is only shown makes none."""
-    given, _ = get_args_parser().parse_known_args(sys.argv[1:])
-    return path if given.cfg else fresh_directory(path)
-
-
-# With the cache, all that one application asks for the path is one directory.
-OmegaConf.register_new_resolver("fresh_directory", _directory, use_cache=True, replace=True)

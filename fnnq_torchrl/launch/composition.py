@@ -1,8 +1,9 @@
-"""From overrides such as ``lam=0.2`` to a valid `Config`, and what to say when there is none."""
+"""Composes overrides such as ``lam=0.2`` to a valid `Config`, or says why that can't be done."""
 
 import difflib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from inspect import signature
 
 from hydra import compose, initialize_config_dir, version
 from hydra.core.config_store import ConfigStore
@@ -11,10 +12,10 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override, ValueType
 from hydra.core.utils import JobRuntime
 from hydra.errors import (
-    ConfigCompositionException,
     MissingConfigException,
     OverrideParseException,
 )
+from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from envs.core.parameters import allowed
@@ -23,8 +24,15 @@ from fnnq_torchrl.config.choices import choices_of, config_directory
 from fnnq_torchrl.config.launcher import LauncherConfig
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
 from fnnq_torchrl.launch.from_job import SAVED, choose_primary
+from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
 
 VERSION_BASE = "1.3"  # of Hydra, whose defaults change with it
+
+_PLUGINS: dict[str, tuple[type, list[str]]] = {
+    "launcher": (BatchLauncher, [*allowed(LauncherConfig)]),
+    "sweeper": (BatchSweeper, [*signature(BatchSweeper).parameters]),
+}
+"""Our plugins by their groups, each with the keys that it has."""
 
 # conf/config.yaml begins with this schema: Hydra then refuses unknown keys and wrong types.
 ConfigStore.instance().store(name="schema", node=Config)
@@ -43,12 +51,13 @@ def load_config(*overrides: str) -> Config:
     """
     primary, others = choose_primary(overrides)
     with composing(others), _hydra():
+        refuse_several_values(others)
         return to_config(compose(primary, others), own=True)
 
 
 @contextmanager
 def composing(overrides: Sequence[str]) -> Iterator[None]:
-    """A block in which a configuration is composed: what fails in it is in what was typed.
+    """A block that composes a configuration: an error in it is a mistake in what was typed.
 
     Args:
         overrides: what it is composed of.
@@ -64,14 +73,13 @@ def composing(overrides: Sequence[str]) -> Iterator[None]:
         raise explain(error, overrides) from error
 
 
-def explain(error: Exception, overrides: Sequence[str], *, multirun: bool = False) -> ConfigError:
-    """Return one line for an error on which Hydra spends several, without saying what is allowed.
+def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
+    """Return the error in one line that says what is allowed; Hydra's has several and doesn't.
 
     Args:
-        error: raised while a configuration was composed. Mostly it is Hydra's or OmegaConf's own,
-            but Hydra stumbles over some input by errors of other kinds.
+        error: raised while a configuration was composed. Mostly it is Hydra's or OmegaConf's own;
+            some input makes Hydra fail with other errors.
         overrides: what it was composed of.
-        multirun: the overrides are those of a sweep.
     """
     try:
         parsed = OverridesParser.create().parse_overrides(list(overrides))
@@ -79,7 +87,8 @@ def explain(error: Exception, overrides: Sequence[str], *, multirun: bool = Fals
         return ConfigError(f"{wrong.override}: {_advice_on_parsing(wrong.override, overrides)}")
     message = " ".join(str(error).split())
     message = message or f"Hydra fails with {type(error).__name__}; HYDRA_FULL_ERROR=1 shows where"
-    cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error
+    causes = (error.__cause__, error.__context__)  # Hydra doesn't always say which
+    cause = next((each for each in causes if isinstance(each, OmegaConfBaseException)), error)
     if isinstance(cause, OmegaConfBaseException):
         key = cause.full_key or "hydra"
         if key.partition(".")[0] == "hydra":
@@ -88,19 +97,25 @@ def explain(error: Exception, overrides: Sequence[str], *, multirun: bool = Fals
         return refusal(cause, typed[0] if typed else None)
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
-        # Hydra doesn't say what else there is if the choice stands in a list.
+        # Hydra doesn't say which choices there are if the one typed stands in a list.
         if options := [each for each in error.options or choices_of(group) if each != SAVED]:
             return OutOfRange(group, choice, " or ".join(options))
-    if isinstance(error, ConfigCompositionException) and not multirun:
-        for override in parsed:
-            if override.is_sweep_override():
-                line = override.input_line
-                return ConfigError(f"{line}: several values need -m, a job for each")
     return _misuse_of_a_group(parsed) or ConfigError(message)
 
 
+def refuse_several_values(overrides: Sequence[str]) -> None:
+    """Refuse the overrides of a sweep where there is to be one job.
+
+    Raises:
+        ConfigError: an override has several values.
+    """
+    for override in OverridesParser.create().parse_overrides(list(overrides)):
+        if override.is_sweep_override():
+            raise ConfigError(f"{override.input_line}: several values need -m, a job for each")
+
+
 def _advice_on_parsing(override: str, overrides: Sequence[str]) -> str:
-    """Say why an override can't be read: mostly it is a parenthesis that the shell cut."""
+    """Return why an override can't be read: mostly the shell has cut it at a parenthesis."""
     if override.count("(") <= override.count(")"):
         return "can't be read as key=value"
     begin = overrides.index(override)
@@ -111,11 +126,29 @@ def _advice_on_parsing(override: str, overrides: Sequence[str]) -> str:
     return "its parenthesis isn't closed; type it in quotes, as in 'seed=range(22)'"
 
 
+def check_plugins(hydra: DictConfig) -> None:
+    """Refuse keys of our launcher and sweeper that they don't have, which Hydra may never look at.
+
+    Args:
+        hydra: the ``hydra`` node of a composed configuration.
+
+    Raises:
+        ConfigError: there is no such key.
+    """
+    for name, (plugin, known) in _PLUGINS.items():
+        settings = hydra[name]
+        if settings.get("_target_") == f"{plugin.__module__}.{plugin.__name__}":
+            for key in {*map(str, settings)} - {"_target_", *known}:
+                whole = f"hydra.{name}.{key}"
+                raise ConfigError(f"{whole}: there is no such key{_advice_on_hydra(whole)}")
+
+
 def _advice_on_hydra(key: str) -> str:
-    """Name the launcher's setting that is spelled most like a key that there isn't."""
+    """Name the key of our launcher or sweeper that is spelled most like one that there isn't."""
     group, _, name = key.rpartition(".")
-    near = difflib.get_close_matches(name, allowed(LauncherConfig), n=1)
-    return f"; did you mean {group}.{near[0]}?" if near and group == "hydra.launcher" else ""
+    _, known = _PLUGINS.get(group.removeprefix("hydra."), (None, ()))
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean {group}.{near[0]}?" if near else ""
 
 
 def _misuse_of_a_group(overrides: Sequence[Override]) -> ConfigError | None:
@@ -134,13 +167,13 @@ def _misuse_of_a_group(overrides: Sequence[Override]) -> ConfigError | None:
 
 
 def key_of(override: str) -> str:
-    """Return the key that an override, ``lam=0.2`` or ``+lam=0.2``, is about."""
+    """Return the key of an override: ``lam`` of ``lam=0.2`` or ``+lam=0.2``."""
     return override.lstrip("+~").partition("=")[0]
 
 
 @contextmanager
 def _hydra() -> Iterator[None]:
-    """Hydra on our ``conf/``; its global state is handed back as it was found."""
+    """A block with Hydra on our ``conf/``. Its global state is restored afterwards."""
     hydra, base = GlobalHydra.instance().hydra, version.getbase()
     GlobalHydra.instance().clear()
     try:

@@ -1,7 +1,7 @@
 """``from=DIR`` on the command line: an earlier job's configuration, taken as data.
 
-To Hydra it is one more choice of every group, and the other arguments change it as they change what
-is in ``conf/``.
+Hydra gets it as one more choice of every group. So the other arguments change it as they change
+what is in ``conf/``.
 """
 
 import re
@@ -80,13 +80,13 @@ def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
             raise ConfigError(
                 f"{path}: {key}={value} is somebody's own code; if you trust it, type that too"
             )
-    plain.pop("logger", None)  # nobody logs where somebody else says
+    plain.pop("logger", None)  # a file from elsewhere doesn't say where to log
     try:
         config = to_config(plain, own=True)
     except (ConfigError, OmegaConfBaseException) as error:
         raise ConfigError(f"{path}: {str(error).splitlines()[0]}") from error
     for key, value in flat(asdict(config)).items():
-        if "${" in str(value):  # put together from harmless parts
+        if "${" in str(value):  # put together from several plain values
             raise ConfigError(f"{path}: {key}={value}: must be a plain value")
     return config
 
@@ -95,13 +95,13 @@ def parse_configuration(text: bytes) -> dict[str, Any] | None:
     """Return the content of a ``config.yaml`` as plain data, or None if it is damaged."""
     try:
         plain = yaml.safe_load(text)
-    except Exception:  # nearly any, of what isn't YAML
+    except Exception:  # the parser fails in many ways
         return None
     return plain if isinstance(plain, dict) else None
 
 
 def _saved_task(directory: Path) -> str:
-    """Return the task that the job was given; the default one if that can't be told."""
+    """Return the job's task, or the default one if the directory doesn't say."""
     path = directory / ".hydra" / "hydra.yaml"
     found: Any = parse_configuration(path.read_bytes()) if path.is_file() else None
     for key in ("hydra", "runtime", "choices", "task"):
@@ -110,7 +110,7 @@ def _saved_task(directory: Path) -> str:
 
 
 def _labels(config: Config, task: str) -> dict[str, Any]:
-    """Return the labels for another value function: those of the job's, or of its task."""
+    """Return the labels that another value function would get: the job's own, or its task's."""
     value = asdict(config.value)
     if isinstance(config.value, LabelsConfig):
         return {key: value[key] for key in ("inputs", "action")}

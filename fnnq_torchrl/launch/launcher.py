@@ -1,4 +1,4 @@
-"""The jobs of a Hydra multirun, run in batches of all that differ only in per-run values.
+"""Runs the jobs of a Hydra multirun in batches, whose jobs differ only in per-run values.
 
 Each job has what Hydra promises: its own directory with ``.hydra``, log and result files, and its
 return value. The plugin itself is ``hydra_plugins/fnnq_torchrl.py``.
@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 
 
 class Multirun:
-    """The jobs of one command with ``-m``, as many as its sweeper comes up with.
+    """The jobs of one multirun, as many as its sweeper asks for.
 
     Args:
         settings: those of ``conf/hydra/launcher/batch.yaml``.
@@ -85,7 +85,8 @@ class Multirun:
             else:
                 missing.append(job)
         if len(missing) < len(jobs):
-            log.info(f"finished already: {len(jobs) - len(missing):,} of {len(jobs):,} jobs")
+            done = len(jobs) - len(missing)
+            log.info(f"{self._directory}: finished already: {done:,} of {len(jobs):,} jobs")
         pictures = len(jobs) <= self._settings.pictures_up_to
         for job in missing:
             job.write_configuration()
@@ -118,7 +119,7 @@ class Multirun:
         if not jobs:
             return {}
         batches = in_batches([job.job for job in jobs], self._settings.max_batch_size)
-        log.info(f"jobs to run: {len(jobs):,}, batches: {len(batches):,}")
+        log.info(f"{self._directory}: jobs to run: {len(jobs):,}, batches: {len(batches):,}")
         if self._loggers is None:
             from fnnq_torchrl.training.loggers import Loggers  # after the checks: scipy is slow
 
@@ -139,12 +140,12 @@ class Multirun:
         }
 
     def _log(self) -> None:
-        """Log as the sweep does: jobs that Hydra ran log into their own files."""
+        """Log to where the sweep does, after jobs that Hydra ran have logged to their own files."""
         HydraConfig.instance().set_config(self._config)
         configure_log(self._config.hydra.hydra_logging, self._config.hydra.verbose)
 
     def _end(self, job: SweptJob, results: Mapping[Path, Result]) -> JobReturn:
-        """Write the job's log, call the callbacks, and return what the sweeper gets."""
+        """Write the job's log, call the callbacks, and return the job's end for the sweeper."""
         if job.directory in results:
             result = results[job.directory]
         else:
@@ -162,7 +163,7 @@ class Multirun:
             raise result  # a bug keeps its traceback
 
         if self._context.callbacks.callbacks or isinstance(result, Exception):
-            return run_job(  # Hydra's own way, which takes its time
+            return run_job(  # Hydra's own way, which is slow
                 hydra_context=self._context,
                 task_function=outcome,
                 config=job.node(),

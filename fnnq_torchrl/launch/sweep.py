@@ -27,7 +27,7 @@ from fnnq_torchrl.training.score import Score
 from fnnq_torchrl.training.terminal import print_sweep
 
 _WHICH_RUNS = ("seed", "num_seeds")
-"""Keys that say which runs a configuration has, and not how they learn."""
+"""Keys that say which runs there are, and have no say in how they learn."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class SweptResult:
     """A job of a sweep, finished or not.
 
     Attributes:
-        number: of the job.
-        overrides: what the sweep said of it, values by key.
+        number: the job's in its sweep.
+        overrides: the values that the sweep gave it, by key.
         directory: with the result files.
         score: that of its configuration.
     """
@@ -50,8 +50,8 @@ class SweptResult:
 def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
     """Write a sweep's own files into its directory, and print its table.
 
-    A job without a summary hasn't finished: its row in summary.csv is empty but for its keys, and
-    it is nowhere else.
+    A job without a summary hasn't finished. It has a row in summary.csv with its keys alone, and is
+    left out of the other files.
 
     Raises:
         OSError: a file can't be read or written.
@@ -141,7 +141,7 @@ def _columns(summary: Summary) -> dict[str, object]:
 
 def _write_evaluations(path: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> None:
     """Write the rows of all jobs, each followed by the job's number and swept values."""
-    further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # those a row has
+    further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # a row has these
     names = [f"config.{key}" if key in EVALUATION_COLUMNS else key for key in further]
     with atomic_write(path) as file:
         file.write(_row([*EVALUATION_COLUMNS, *names]).encode())

@@ -1,6 +1,6 @@
 """The jobs of a Hydra multirun, composed once for all that differ only in per-run values.
 
-Hydra takes a tenth of a second and more to compose a job, which is longer than many a job learns.
+Hydra takes a tenth of a second or more to compose a job, and many jobs learn in less.
 """
 
 import copy
@@ -24,16 +24,16 @@ from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE, RESULTS, SNAPSHOTS, TRA
 
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
-_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # in C where it is to be had
+_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # in C if there is one: faster
 
 
 class _Template:
-    """What Hydra composed for the first of some jobs, to be filled in for each of them.
+    """The composition of one job, from which jobs with other per-run values are made.
 
     Attributes:
         node: everything.
         config: valid.
-        task: all but the ``hydra`` node as plain values, interpolations as they stand.
+        task: all but the ``hydra`` node as plain values, interpolations unresolved.
         hydra: that node, likewise.
         sweep_directory: absolute.
         log_files: their paths below a job's directory.
@@ -68,7 +68,7 @@ class SweptJob:
 
     Attributes:
         number: the job's in its sweep.
-        overrides: what its sweeper said of it.
+        overrides: as its sweeper gave them.
         task_overrides: those of them that aren't about Hydra itself.
         config: valid.
         directory: absolute; need not exist yet.
@@ -83,7 +83,7 @@ class SweptJob:
         ]
         self.config = replace(template.config, **values)
         self._template, self._values = template, values
-        # The rest is as Hydra makes it.
+        # The rest is named as Hydra would name it.
         hydra = template.hydra
         how = hydra["job"]["config"]["override_dirname"]
         named = [line for line in self.task_overrides if key_of(line) not in how["exclude_keys"]]
@@ -106,7 +106,7 @@ class SweptJob:
         return Job(self.config, self.directory, self._template.sweep_directory)
 
     def node(self) -> DictConfig:
-        """Return what Hydra composes for the job, with the ``hydra`` node. Takes its time."""
+        """Return what Hydra composes for the job, with the ``hydra`` node. This is slow."""
         node = copy.deepcopy(self._template.node)
         with read_write(node.hydra), open_dict(node.hydra.job):
             node.hydra.job.update(self._names)
@@ -143,7 +143,7 @@ class SweptJob:
             return False
         if saved != self._template.config_yaml(self._values).encode():
             plain = parse_configuration(saved)
-            if plain is None:  # a crash has left it
+            if plain is None:  # cut short by a crash
                 return False
             self._refuse_another(flat(plain))
         results = (*RESULTS, SNAPSHOTS) if self.config.checkpoint.snapshots else RESULTS
@@ -191,7 +191,7 @@ def compose_jobs(
         template = templates.get(kind)
         if template is None:
             template = _Template(loader.load_sweep_config(master, list(overrides)))
-            # A value that refers to another is not the same for all.
+            # A value that refers to another may differ from job to job.
             if "${" not in template.config_yaml({}):
                 templates[kind] = template
         return SweptJob(number, overrides, template, values)
@@ -209,9 +209,9 @@ def compose_jobs(
 
 
 def _number(override: str) -> tuple[str, float] | None:
-    """Return key and value of an override that sets a per-run value to a number.
+    """Return key and value of an override that sets a per-run value to a number, or None.
 
-    It needs no composing; whatever else may be said is Hydra's business.
+    Such an override needs no composing; all others are left to Hydra.
     """
     key, _, text = override.partition("=")
     if key in ("seed", "num_seeds"):

@@ -7,6 +7,7 @@ from pathlib import Path
 from fnnq_torchrl.config.runs import Runs
 from fnnq_torchrl.engine.choice import choose_engine
 from fnnq_torchrl.training.jobs import Job
+from fnnq_torchrl.training.terminal import line_label
 
 
 class Batch:
@@ -14,9 +15,11 @@ class Batch:
 
     Args:
         jobs: one or more, which differ only in the keys of `BATCHABLE`.
+        part: the place of this batch among several, in words.
 
     Attributes:
         jobs: all jobs.
+        label: the beginning of each line about this batch.
         config: the first job's; the others' have other values of those keys.
         size: the number of runs of all jobs.
         engine: runs the steps.
@@ -27,8 +30,9 @@ class Batch:
         ConfigError: the engine must compile, and there is no C++ compiler.
     """
 
-    def __init__(self, jobs: Sequence[Job]) -> None:
+    def __init__(self, jobs: Sequence[Job], part: str = "") -> None:
         self.jobs = jobs
+        self.label = line_label(jobs[0].sweep or jobs[0].directory, part)
         self.config = jobs[0].config
         self.size = sum(job.config.num_seeds for job in jobs)
         self.engine = choose_engine(self.config, self.size)

@@ -109,7 +109,11 @@ def run_batches(
                 batches, pictures=pictures, loggers=loggers, interruptions=interruptions
             )
         return
-    prepared = [*map(Batch, batches)]
+    several = len(batches) > 1
+    prepared = [
+        Batch(jobs, f"batch {number} of {len(batches)}" * several)
+        for number, jobs in enumerate(batches, start=1)
+    ]
     for batch in prepared:
         _check(batch)
     saved = [SavedTraining(batch) for batch in prepared]
@@ -145,7 +149,7 @@ def _check(batch: Batch) -> None:
         dtype = getattr(torch, config.machine.dtype)
         check_world(make_world(config.env, [2], seed=0, dtype=dtype, device=device))
     if large := check_memory(batch):
-        announce(large)
+        announce(batch.label + large)
     for job in batch.jobs:
         clear_leftovers(job.directory)
 
@@ -154,9 +158,9 @@ def _run_batch(
     batch: Batch, saved: SavedTraining, pictures: bool, interruptions: Interruptions
 ) -> list[float | Exception]:
     trainer = Trainer(batch.config, batch.runs, batch.engine)
-    announce(batch.engine.why)
-    outcome = _train(trainer, saved, interruptions)
-    _announce_diverged(outcome)
+    announce(batch.label + batch.engine.why)
+    outcome = _train(batch, trainer, saved, interruptions)
+    _announce_diverged(batch, outcome)
     bounds = accumulate((job.config.num_seeds for job in batch.jobs), initial=0)
     *others, last = zip(batch.jobs, pairwise(bounds), strict=True)
 
@@ -187,10 +191,12 @@ def _run_batch(
     return results
 
 
-def _train(trainer: Trainer, saved: SavedTraining, interruptions: Interruptions) -> Outcome:
+def _train(
+    batch: Batch, trainer: Trainer, saved: SavedTraining, interruptions: Interruptions
+) -> Outcome:
     """Train and test the runs, from where they were saved; save at intervals and at signals."""
     if saved.restore(trainer.ledger):
-        announce(f"going on from {saved.path}")
+        announce(f"{batch.label}going on from {saved.path}")
     told = set()
 
     def save(hands: Sequence[Hand]) -> None:
@@ -199,14 +205,15 @@ def _train(trainer: Trainer, saved: SavedTraining, interruptions: Interruptions)
         except OSError as error:
             if not (interruptions.ending or str(error) in told):
                 told.add(str(error))
-                announce(f"going on, but this training can't be saved, for now: {error}")
+                what = "going on, but this training can't be saved, for now"
+                announce(f"{batch.label}{what}: {error}")
             raise
 
     keeper = HandsKeeper(interruptions, save)
     with interruptions.watched():
-        with Progress(trainer.situations_to_learn, "learning") as progress:
+        with Progress(trainer.situations_to_learn, f"{batch.label}learning") as progress:
             trainer.learn(progress.update, keeper)
-        with Progress(trainer.situations_to_play, "evaluating") as progress:
+        with Progress(trainer.situations_to_play, f"{batch.label}evaluating") as progress:
             outcome = trainer.evaluate(progress.update, keeper)
         keeper.finish()
     return outcome
@@ -228,16 +235,18 @@ def _write(job: Job, outcome: Outcome, pages: TensorDictBase) -> float:
     return summary["mean_score"]
 
 
-def _announce_diverged(outcome: Outcome) -> None:
-    """Print a line if runs have diverged."""
+def _announce_diverged(batch: Batch, outcome: Outcome) -> None:
+    """Print a line that names the runs that have diverged, if any."""
     if not outcome.diverged_runs:
         return
-    seeds = outcome.seed[outcome.diverged[:, -1]].tolist()
+    diverged = outcome.diverged[:, -1].nonzero()[0].tolist()
+    seeds = [str(outcome.seed[run]) for run in diverged[:_NAMED]]
+    if len(batch.jobs) > 1:  # whose runs may have the same seeds
+        job_of = [job for job in batch.jobs for _ in range(job.config.num_seeds)]
+        names = [job_of[run].directory.name for run in diverged[:_NAMED]]
+        seeds = [f"{seed} of job {name}" for seed, name in zip(seeds, names, strict=True)]
+    named = ", ".join(seeds) + ", …" * (len(diverged) > _NAMED)
     announce(
-        f"diverged: {len(seeds):,} of {outcome.runs:,} runs (seed {_some(seeds)}); they stopped, "
-        "and have the worst score from then on. A smaller alpha may help"
+        f"{batch.label}diverged: {len(diverged):,} of {outcome.runs:,} runs (seed {named}); they "
+        "stopped, and have the worst score from then on. A smaller alpha may help"
     )
-
-
-def _some(seeds: list[int]) -> str:
-    return ", ".join(map(str, seeds[:_NAMED])) + ", …" * (len(seeds) > _NAMED)

@@ -1,5 +1,6 @@
 """The output of a command on the terminal: its progress, and the table at its end."""
 
+import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -120,6 +121,18 @@ def announce(line: str, console: Console | None = None) -> None:
         console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 
+def line_label(directory: Path, part: str = "") -> str:
+    """Return the beginning of a log line, the name of its job or batch.
+
+    Args:
+        directory: of the job or the sweep; left out on a terminal, which shows one command.
+        part: the batch among several, in words.
+    """
+    words = [] if sys.stderr.isatty() else [_shown(directory)]
+    words += [part] if part else []
+    return f"{', '.join(words)}: " if words else ""
+
+
 def print_summary(summary: Summary, picture: Path | None, console: Console | None = None) -> None:
     """Print the main numbers of a job, and the path of its picture.
 
@@ -188,10 +201,13 @@ def print_sweep(
 
 
 def _print_path(console: Console, name: str, path: Path) -> None:
+    announce(f"{name}: {_shown(path)}", console)
+
+
+def _shown(path: Path) -> str:
+    """Return a path relative to the current directory if it lies below it."""
     path = path.absolute()
-    if path.is_relative_to(Path.cwd()):
-        path = path.relative_to(Path.cwd())
-    announce(f"{name}: {path}", console)
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def _interval(interval: list[float] | None, confidence: float) -> str:

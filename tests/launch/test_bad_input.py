@@ -158,7 +158,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
     },
     "missing directory": {
         "train from=nowhere": (2, "from=nowhere: there is no such directory"),
-        "train --config-dir nowhere": (2, "Additional config directory '…/nowhere' not found"),
+        "train --config-dir nowhere": (2, "--config-dir nowhere: there is no such directory"),
         "train hydra.run.dir=file/job": (1, "file/job: Not a directory"),
         "train -m hydra.sweep.dir=file/sweep": (1, "file/sweep: Not a directory"),
         "figures fig2 --results nowhere": (1, f"nowhere/fig2 {NO_RESULTS}fig2"),
@@ -260,7 +260,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
             f"seed={2**63 - 1}: must be at most {2**63 - 2}, for the last seed to fit 63 bits",
         ),
         "train -m seed=0,1 hydra.sweep.subdir=same": (2, "job 1 (seed=1): …"),
-        "train --resolve": (2, "The --resolve flag can only be used in conjunction with --cfg …"),
+        "train --resolve": (2, "--resolve needs --cfg, whose values it resolves"),
     },
 }
 

@@ -1,22 +1,27 @@
 """The command line, from ``sys.argv`` to the job and back to the exit status."""
 
+import io
 import os
+import shlex
 import signal
 import subprocess
 import sys
 import types
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import yaml
 
 from fnnq_torchrl import train
 from fnnq_torchrl.config.schema import Config, ConfigError
-from fnnq_torchrl.launch.command import command, fresh_directory
-from fnnq_torchrl.train import train_batches
-from fnnq_torchrl.training.resume.interruptions import Interruptions
+from fnnq_torchrl.launch.command import command
+from fnnq_torchrl.launch.directories import fresh_directory
+from fnnq_torchrl.launch.train import train_batches
+from fnnq_torchrl.training.resume.interruptions import Interrupted, Interruptions
 
 ROOT = Path(train.__file__).parents[1]
 UNIT = "must be a number in [0, 1]"
@@ -97,14 +102,90 @@ def test_a_sweep_has_a_directory_for_each_job(run, tmp_path):
 
 @pytest.mark.parametrize("flag", ["-m", "--multirun"])
 def test_the_flag_of_a_sweep_may_stand_anywhere(run, flag):
-    status, _, jobs = run("lam=0.2,0.3", flag, "seed=1")
+    status, _, jobs = run("--lam=0.2,0.3", flag, "seed=1")
     assert (status, [config.lam for config, _ in jobs]) == (0, [0.2, 0.3])
+
+
+def test_the_configuration_is_shown_and_no_directory_is_made(run, monkeypatch):
+    out = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", out)
+    assert run("lam=0.3", "--cfg", "job", "seed=1") == (0, "", [])
+    shown = yaml.safe_load(out.getvalue())
+    assert (shown["lam"], shown["seed"]) == (0.3, 1)
+    assert not list(Path.cwd().iterdir())
+
+
+@pytest.mark.parametrize(
+    ("flag", "told"), [("--help", "fnnq-train [key=value"), ("--version", "fnnq_torchrl 0.1")]
+)
+def test_what_the_program_says_of_itself(monkeypatch, capsys, flag, told):
+    monkeypatch.setattr(sys, "argv", ["train", "lam=0.2", flag])
+    train.main()
+    assert capsys.readouterr().out.startswith(told)
+
+
+def test_the_package_is_the_same_command():
+    assert import_module("fnnq_torchrl.__main__").main is train.main
+
+
+def test_ctrl_c_during_the_imports_is_one_line(monkeypatch, capsys):
+    class Interrupting(types.ModuleType):
+        def __getattr__(self, name):
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "fnnq_torchrl.launch.train", Interrupting("train"))
+    with pytest.raises(SystemExit) as ended:
+        train.main()
+    assert (ended.value.code, capsys.readouterr().err) == (130, "interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("program", "remedy"),
+    [
+        ("somewhere/train.py", "type fnnq-train instead, which looks for packages elsewhere"),
+        ("bin/fnnq-train", "take its directory off PYTHONPATH"),
+    ],
+)
+def test_another_package_envs_in_front_is_one_line(monkeypatch, capsys, tmp_path, program, remedy):
+    (tmp_path / "envs").mkdir()
+    (tmp_path / "envs" / "__init__.py").write_text("")
+    monkeypatch.setattr(sys, "argv", [program])
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "envs")
+    with pytest.raises(SystemExit) as ended:
+        train.main()
+    line = f"{tmp_path}/envs/__init__.py hides the package envs of fnnq_torchrl; {remedy}\n"
+    assert (ended.value.code, capsys.readouterr().err) == (2, line)
+
+
+def test_an_interrupted_job_says_how_to_go_on(run):
+    def job(config, directory):
+        raise Interrupted(signal.SIGTERM)
+
+    status, line, _ = run("lam=0.3", job=job)
+    assert (status, line.count("\n")) == (143, 1)
+    assert line.startswith("SIGTERM: what is done so far is saved; to go on: ")
+    again = shlex.split(line.partition("; to go on: train ")[2])
+    [(_, directory)] = run(*again).jobs
+    assert [path.name for path in Path("outputs").iterdir()] == [directory.name]
+
+
+def test_an_interrupted_sweep_says_how_to_go_on(run):
+    def job(config, directory):
+        raise Interrupted(signal.SIGINT)
+
+    status, line, _ = run("lam=0.3,0.4", "-m", job=job)
+    assert (status, line.count("\n")) == (130, 1)
+    again = shlex.split(line.partition("; to go on: train ")[2])
+    assert again[2:-1] == ["lam=0.3,0.4", "-m"]
+    assert [directory.parent for _, directory in run(*again).jobs] == [
+        *(Path.cwd() / "outputs" / "sweeps").iterdir()
+    ] * 2
 
 
 def assert_refused(outcome: Outcome, mistake: str) -> None:
     assert outcome == (2, MISTAKES[mistake] + "\n", [])
-    written = {path.name for path in Path.cwd().rglob("*") if path.is_file()}
-    assert written <= {"config.yaml", "hydra.yaml", "overrides.yaml", "multirun.yaml"}
+    assert not list(Path.cwd().iterdir())
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
@@ -120,6 +201,7 @@ def test_a_mistake_is_one_line_with_m(run, mistake):
 @pytest.mark.parametrize("arguments", UNFRIENDLY, ids=" ".join)
 def test_what_to_type_is_one_line(run, arguments):
     assert run(*arguments) == (2, UNFRIENDLY[arguments] + "\n", [])
+    assert not list(Path.cwd().iterdir())
 
 
 def test_a_bad_job_of_a_sweep_is_named_and_nothing_runs(run):
@@ -134,13 +216,30 @@ def test_a_jobs_own_refusal_is_one_line(run, flags):
         raise ConfigError("device=cuda: no GPU here,\nbut cpu works")
 
     assert run(*flags, job=job) == (2, "device=cuda: no GPU here, but cpu works\n", [])
+    assert not list(Path.cwd().iterdir())
+
+
+def test_a_refusal_leaves_what_was_there(run: Callable[..., Outcome]) -> None:
+    def job(config: Config, directory: Path) -> None:
+        raise ConfigError("num_seeds=1: more are saved")
+
+    assert run("hydra.run.dir=job", "num_seeds=9").status == 0
+    before = {path: path.read_bytes() for path in Path("job").rglob("*.yaml")}
+    assert run("hydra.run.dir=job", "num_seeds=1", job=job).status == 2
+    assert {path: path.read_bytes() for path in Path("job").rglob("*.yaml")} == before
 
 
 def test_ctrl_c_is_one_line(run):
     def job(config, directory):
         raise KeyboardInterrupt
 
-    assert run(job=job) == (130, "interrupted\n", [])
+    place = "hydra.run.dir='outputs/λ = 0.3'"
+    status, line, _ = run("seed=3", "--lam=0.3", "--resume=never", place, job=job)
+    assert (status, line.partition(" train ")[0]) == (130, "interrupted; to go on:")
+    again = shlex.split(line.partition(" train ")[2])
+    assert again == [*QUIET, "seed=3", "--lam=0.3", place]
+    [(config, directory)] = run(*again).jobs
+    assert (config.lam, directory.name) == (0.3, "λ = 0.3")
 
 
 def test_a_file_that_cant_be_written_is_one_line(run):
@@ -193,16 +292,20 @@ def test_the_console_script_completes_keys():
     [
         (["lam=1.5"], f"lam=1.5: {UNIT}"),
         (["lam=0.1,1.5", "-m"], f"job 1 (lam=1.5): lam=1.5: {UNIT}"),
+        (["--help"], ""),
+        (["--cfg", "job"], ""),
     ],
-    ids=["run", "multirun"],
+    ids=["run", "multirun", "help", "cfg"],
 )
 def test_the_check_comes_before_torch(tmp_path, arguments, told):
     command = [sys.executable, "-X", "importtime", "-m", "fnnq_torchrl.train", *arguments]
     ended = subprocess.run(
         command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
     )
-    *imports, line = ended.stderr.decode().splitlines()
-    assert (ended.returncode, ended.stdout, line) == (2, b"", told)
+    lines = ended.stderr.decode().splitlines()
+    imports = [line for line in lines if line.startswith("import time:")]
+    assert "\n".join(line for line in lines if line not in imports) == told
+    assert (ended.returncode, bool(ended.stdout)) == (2 if told else 0, not told)
     assert not {"torch", "scipy"} & {entry.split("|")[-1].strip() for entry in imports}
 
 

@@ -181,7 +181,7 @@ def test_a_job_that_diverges_is_counted_and_spoils_no_other(
     sweep = ("alpha=0.4,1e30", "num_seeds=2", *QUICKEST, f"hydra.sweep.dir={tmp_path}")
     status, _, stderr = command(*sweep, "-m")
     assert status == 0
-    assert "diverged: 2 of 4 runs (seed 0, 1); they stopped" in stderr
+    assert "diverged: 2 of 4 runs (seed 0 of job 1, 1 of job 1); they stopped" in stderr
     summaries = rows(tmp_path / "summary.csv")
     assert [row["diverged_runs"] for row in summaries] == ["0", "2"]
     assert summaries[1]["mean_score"] == "0.0"

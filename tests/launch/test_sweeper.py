@@ -13,7 +13,7 @@ from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.launch.composition import VERSION_BASE
 from fnnq_torchrl.launch.launcher import Multirun
-from hydra_plugins.fnnq_torchrl import BatchSweeper
+from hydra_plugins import fnnq_torchrl as plugin
 
 EXPERIMENTS = {
     "fig2": 4,
@@ -35,7 +35,7 @@ EXPERIMENTS = {
 
 
 def jobs(cases: list[dict[str, str]], *overrides: str, **settings: int) -> list[list[list[str]]]:
-    sweeper = BatchSweeper(cases)
+    sweeper = plugin.BatchSweeper(cases)  # not by its name: Hydra makes the class once more
     parsed = OverridesParser.create().parse_overrides(list(overrides))
     return sweeper.split_arguments(parsed, settings.get("max_batch_size"))
 

@@ -221,6 +221,23 @@ def test_a_job_whose_files_are_being_written_ends_as_any_other(tmp_path, monkeyp
     assert run_job(load_config("situations=5"), tmp_path) >= 0
 
 
+def test_each_line_of_several_batches_says_whose_it_is(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    small = ("situations=5", "engine=eager")
+    batches = [
+        [Job(load_config(f"trace={trace}", *small), tmp_path / "sweep" / trace, tmp_path / "sweep")]
+        for trace in ("output", "gradient")
+    ]
+    for [job] in batches:
+        job.directory.mkdir(parents=True)
+    list(run_batches(batches, pictures=False))
+    lines = capsys.readouterr().err.splitlines()
+    assert {line.partition(": ")[0] for line in lines} == {
+        "sweep, batch 1 of 2",
+        "sweep, batch 2 of 2",
+    }
+
+
 def test_an_earlier_picture_does_not_stay_beside_new_files(tmp_path):
     (tmp_path / "learning_curve.png").write_text("another job's")
     list(run_batches([[Job(load_config("situations=5"), tmp_path)]], pictures=False))
@@ -229,7 +246,7 @@ def test_an_earlier_picture_does_not_stay_beside_new_files(tmp_path):
 
 def test_a_full_disk_leaves_the_training_to_go_on_from(tmp_path, capsys):
     config = load_config("situations=5")
-    jobs = [Job(replace(config, seed=seed), tmp_path / str(seed)) for seed in range(3)]
+    jobs = [Job(replace(config, seed=seed), tmp_path / str(seed), tmp_path) for seed in range(3)]
     for job in jobs:
         job.directory.mkdir()
     save_half_done(config, jobs[-1].directory, jobs)
@@ -302,9 +319,10 @@ def test_diverged_runs_are_told_and_counted(tmp_path, capsys):
         job.directory.mkdir()
     (tmp_path / "alone").mkdir()
     ((well, ill),) = run_batches([jobs], pictures=True)
-    assert "diverged: 2 of 4 runs (seed 0, 1); they stopped" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "diverged: 2 of 4 runs (seed 0 of job 1e+30, 1 of job 1e+30); they stopped" in told
     assert run_job(jobs[0].config, tmp_path / "alone") == well
-    assert "diverged" not in capsys.readouterr().err
+    assert "diverged: " not in capsys.readouterr().err
 
     diverged = read_evaluations(jobs[1].directory / "evaluations.csv")
     assert diverged.diverged.tolist() == [[False, True, True]] * 2

@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from fnnq_torchrl.training.results import Summary
-from fnnq_torchrl.training.terminal import Progress, print_summary
+from fnnq_torchrl.training.terminal import Progress, line_label, print_summary
 
 SUMMARY = Summary(
     runs=22,
@@ -159,3 +159,20 @@ def test_a_terminal_without_greek_letters_shows_the_table_too() -> None:
     console = Console(file=io.TextIOWrapper(raw, encoding="ascii", write_through=True))
     print_summary(SUMMARY, Path("learning_curve.png"), console)
     assert b"| lam " in raw.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("terminal", "part", "label"),
+    [
+        (False, "", "outputs/sweep: "),
+        (False, "batch 2 of 3", "outputs/sweep, batch 2 of 3: "),
+        (True, "", ""),
+        (True, "batch 2 of 3", "batch 2 of 3: "),
+    ],
+)
+def test_a_line_says_whose_it_is(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, terminal: bool, part: str, label: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stderr", Terminal() if terminal else io.StringIO())
+    assert line_label(tmp_path / "outputs" / "sweep", part) == label

@@ -28,7 +28,7 @@ class Interrupted(Exception):
 
     def __str__(self) -> str:
         name = signal.Signals(self.args[0]).name
-        return f"{name}: the training is saved; the same command in the same directory goes on"
+        return f"{name}: what is done so far is saved"
 
 
 class Lost(Interrupted):

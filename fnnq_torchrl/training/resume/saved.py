@@ -44,7 +44,8 @@ class SavedTraining:
         """Read the file, if there is one and ``resume`` isn't ``never``.
 
         Raises:
-            ConfigError: it is of another configuration or PyTorch or of other runs, or damaged.
+            ConfigError: it is of another configuration or PyTorch, of other or of more runs, or
+                damaged.
             OSError: it can't be read.
         """
         if self._batch.config.resume == "never" or not self.path.exists():
@@ -60,6 +61,13 @@ class SavedTraining:
             raise ConfigError(
                 f"{self.path} is of another configuration or PyTorch; "
                 "take another directory, or start over with resume=never"
+            )
+        saved, runs = len(content["ledger"]["runs"]), len(rows)
+        # In a sweep, the others may be of jobs that are finished. Here they would be thrown away.
+        if saved > runs and self._batch.jobs[0].sweep is None:
+            raise ConfigError(
+                f"{self.path} is of {saved:,} runs, not of num_seeds={runs}; "
+                "take another directory, or begin anew with resume=never"
             )
         self._read = content["ledger"], torch.from_numpy(rows)
 

@@ -178,7 +178,10 @@ def test_a_part_of_the_runs_can_go_on_alone(tmp_path: Path, uninterrupted) -> No
     runs = slice(30, 60)
     part = replace(JOB, seed=30, num_seeds=30)
     trainer = make_trainer(part)
-    assert restored(batch_of(part, tmp_path), trainer)
+    # As the last job of a sweep, whose other jobs are finished.
+    batch = batch_of(part, tmp_path)
+    batch.jobs = [replace(batch.jobs[0], sweep=tmp_path.parent)]
+    assert restored(batch, trainer)
     assert trainer.ledger.learned.any()
     trainer.learn()
     assert_same(trainer.evaluate(), trainer, uninterrupted, runs)
@@ -209,6 +212,13 @@ def test_another_trainings_file_is_refused(saved: Path, job: Config, engine: str
         SavedTraining(batch_of(job, saved.parent, engine)).read()
     assert len(str(refused.value).splitlines()) == 1
     assert str(refused.value).count("resume=never") == 1
+
+
+def test_more_runs_than_are_asked_for_are_not_thrown_away(saved: Path) -> None:
+    fewer = batch_of(replace(JOB, num_seeds=RUNS - 1), saved.parent)
+    line = rf"is of {RUNS} runs, not of num_seeds={RUNS - 1}; .*resume=never"
+    with pytest.raises(ConfigError, match=line):
+        SavedTraining(fewer).read()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,36 @@
+"""The train command: its jobs, and what Hydra's command line makes of them."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.launch.command import command
+from fnnq_torchrl.training.jobs import Job, Result
+from fnnq_torchrl.training.resume.interruptions import Interruptions
+
+if TYPE_CHECKING:
+    from fnnq_torchrl.training.loggers import Loggers
+
+
+def train(config: Config, directory: Path) -> float:
+    """Train the runs of one job, and write the results into ``directory``."""
+    from fnnq_torchrl.training.job import run_job  # after the checks: torch takes seconds to import
+
+    return run_job(config, directory)
+
+
+def train_batches(
+    batches: Sequence[Sequence[Job]],
+    *,
+    pictures: bool,
+    loggers: "Loggers | None" = None,
+    interruptions: Interruptions | None = None,
+) -> Iterator[Sequence[Result]]:
+    """Train the jobs of each batch of a multirun side by side."""
+    from fnnq_torchrl.training.job import run_batches
+
+    return run_batches(batches, pictures=pictures, loggers=loggers, interruptions=interruptions)
+
+
+main = command(train, train_batches)

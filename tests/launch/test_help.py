@@ -1,0 +1,53 @@
+"""The help page."""
+
+from dataclasses import asdict
+
+import pytest
+
+from fnnq_torchrl.config.checking import flat
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.launch.help import help_page
+
+
+@pytest.fixture
+def page(monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setenv("COLUMNS", "80")
+    return help_page()
+
+
+def test_every_key_of_the_learner_and_the_runs_is_there_with_its_default(page: str) -> None:
+    config = flat(asdict(load_config()))
+    shown = {
+        key: value
+        for line in page.splitlines()
+        if line.startswith("  ") and "=" in (word := line.split()[0])
+        for key, value in [word.split("=")]
+        if key in config and value
+    }
+    keys = [key for key in config if "." not in key and key not in ("step_size", "alpha_decay")]
+    assert shown.keys() == {*keys, "checkpoint.every_s", "checkpoint.snapshots"}
+    for key, value in shown.items():
+        assert config[key] == type(config[key])({"false": 0}.get(value, value)), key
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "λ, decay of the trace, in [0, 1].",  # behind its key
+        "boltzmann: a candidate with probability",  # above it
+        "seconds from one save to the next",
+        "value=                     fnnq, mlp, rbf, table, tiles",
+        "+experiment=               adaptive, decay",
+    ],
+)
+def test_meaning_and_choices(page: str, words: str) -> None:
+    assert words in page
+
+
+def test_as_wide_as_the_terminal(page: str) -> None:
+    keys = page[page.index("Keys: ") : page.index("Flags")]
+    assert max(map(len, keys.splitlines())) <= 80
+
+
+def test_nothing_is_swept_by_a_preset_that_isnt_an_experiment(page: str) -> None:
+    assert "_paper" not in page
