@@ -195,7 +195,7 @@ def _command_again(key: str, directory: Path) -> str:
         place = "'" + place.replace("'", r"\'") + "'"
     program = Path(sys.argv[0])
     words = ["python", "-m", "fnnq_torchrl.train"] if program.suffix == ".py" else [program.name]
-    left_out = (*_PLACES, "resume")  # resume=never would begin anew
+    left_out = (*_PLACES, "resume")  # resume=never would start over
     words += [word for word in sys.argv[1:] if key_of(word.removeprefix("--")) not in left_out]
     return shlex.join([*words, f"{key}={place}"])
 

@@ -67,7 +67,7 @@ class SavedTraining:
         if saved > runs and self._batch.jobs[0].sweep is None:
             raise ConfigError(
                 f"{self.path} is of {saved:,} runs, not of num_seeds={runs}; "
-                "take another directory, or begin anew with resume=never"
+                "take another directory, or start over with resume=never"
             )
         self._read = content["ledger"], torch.from_numpy(rows)
 
