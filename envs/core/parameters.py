@@ -70,7 +70,7 @@ def whole(low: int) -> Any:
 
 
 def one_of(*choices: str) -> Any:
-    """One of at least two words."""
+    """One of the given words, of which there are at least two."""
     *others, last = choices
     return _declare(lambda value: value in choices, f"{', '.join(others)} or {last}")
 

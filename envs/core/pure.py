@@ -19,7 +19,7 @@ WHEN = "seed", "episode", "step"
 """The entries that key the random numbers: int64, ``[*batch_size, 1]``."""
 
 _DRAWN_SEEDS = 2**62
-"""The number of seeds among which an unseeded world draws; the runs' own follow it."""
+"""An unseeded world draws one seed below this number; run i has that seed + i."""
 
 Entries = dict[str, Tensor]
 
@@ -39,7 +39,7 @@ class PureEnv(EnvBase):
     ============================  ================================================================
     the observations, the state   real
     ``chance``                    U[0, 1), for the choice of the action
-    ``action``                    real: in the world's range, or the number of one of a fixed set
+    ``action``                    real: in the world's range, or the index of one of its actions
     ``reward``                    real
     ``terminated``                the task has ended the episode
     ``truncated``                 the time limit has ended the episode
@@ -49,8 +49,8 @@ class PureEnv(EnvBase):
     ``step``
     ============================  ================================================================
 
-    TorchRL's ``reset`` lets the environment count the episodes. :meth:`restart` does the same from
-    the TensorDict alone, so it compiles.
+    TorchRL's ``reset`` counts the episodes in the environment. :meth:`restart` counts them in the
+    TensorDict, so it compiles.
 
     Args:
         world: the parameters, an instance of ``schema``.

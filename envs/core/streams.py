@@ -32,7 +32,7 @@ class Stream(IntEnum):
 
 
 def pcg4d(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
-    """Return the hash of four words: each bit that changes, changes about half of the 128.
+    """Return the hash of four words. Changing one bit of them changes about half of its 128 bits.
 
     Args:
         x, y, z, w: int32, of one shape. Products and sums wrap, as the hash requires.

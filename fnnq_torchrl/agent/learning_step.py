@@ -142,7 +142,7 @@ class Learner:
         transition: TensorDictBase,
         weights: Weights,
     ) -> dict[str, Tensor | TensorDict]:
-        """Return the counts after a step, and the snapshot, a new one where it is due."""
+        """Return the counts after a step, and the snapshot, replaced in runs where one is due."""
         beyond = self._beyond(transition["action_value"])
         diverged = state["diverged"] | (beyond & ~state["over"])
         situations = state["situations"] + (transition["next", "done"] & ~diverged)

@@ -13,7 +13,7 @@ from fnnq_torchrl.equations.names import EXPLORATIONS
 
 
 class ExploringPolicy(TensorDictModuleBase, ABC):
-    """A choice by Q(s, ·) of the candidate actions, with each run's own random numbers.
+    """Chooses among the candidate actions by Q(s, ·), with each run's own random numbers.
 
     Reads the network's observations and ``chance``, a uniform random number of each run, which
     every state of a :class:`envs.core.pure.PureEnv` has. Writes ``action_value``

@@ -48,7 +48,7 @@ def read_plain(path: Path, form: int, what: str) -> dict[str, Any]:
         content = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
     # On arbitrary bytes torch's reader raises nearly any error: EOFError, KeyError, …
     except Exception as error:
-        raise ValueError(f"{path} is not {what}, or a damaged one") from error
+        raise ValueError(f"{path} is damaged, or not {what}") from error
     if not isinstance(content, dict) or "format" not in content:
         raise ValueError(f"{path} is not {what} of fnnq_torchrl")
     if (found := content.pop("format")) != form:

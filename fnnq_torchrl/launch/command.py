@@ -48,16 +48,16 @@ RunJob = Callable[[Config, Path], float | None]
 
 
 class Task:
-    """The two things a command does with what Hydra composes: one job, or a multirun's jobs.
+    """What Hydra calls to do the work of a command: one job, or the jobs of a multirun.
 
     Args:
         job: does one job.
         run_batches: does the jobs of a multirun.
 
     Attributes:
-        began: Hydra has composed everything and handed over. An error from now on is not a mistake
-            in what the user typed.
-        again: the command that goes on from an interruption, once it is known.
+        began: whether the work has begun. An error after that is not a mistake in what the user
+            typed.
+        again: the command that resumes the work after an interruption; empty until it is known.
     """
 
     def __init__(self, job: RunJob, run_batches: RunBatches) -> None:
@@ -134,8 +134,8 @@ def _run(task: Task, full: bool) -> None:
         return
     if given.experimental_rerun is not None:
         raise ConfigError(
-            "--experimental-rerun: reads a pickle, which can run any code; "
-            "from=DIR takes the configuration of the job in that directory"
+            "--experimental-rerun is refused: it reads a pickle, which can run any code; "
+            "use from=DIR to take the configuration of the job in that directory"
         )
     primary, given.overrides = choose_primary(given.overrides)
     if given.config_name is not None:
@@ -183,7 +183,7 @@ def _start(application: Application, task: Task, given: Namespace) -> None:
 
 
 def _command_again(key: str, directory: Path) -> str:
-    """Return what to type for the work to go on in its directory.
+    """Return the command that resumes the work in its directory.
 
     Args:
         key: of the directory.
@@ -205,7 +205,7 @@ def errors_in_one_line(task: Task) -> Iterator[None]:
     """A block in which an error that isn't a bug ends the command with a line and a status.
 
     Args:
-        task: says how to go on from an interruption.
+        task: has the command that resumes after an interruption.
     """
     try:
         yield

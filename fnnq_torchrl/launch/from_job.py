@@ -61,7 +61,7 @@ def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
             too, as ``value.kind=module:Class``.
 
     Raises:
-        ConfigError: there is no configuration there, it is damaged, or isn't valid today.
+        ConfigError: there is no configuration there, or it is damaged or no longer valid.
     """
     path = directory / ".hydra" / "config.yaml"
     if not directory.is_dir():
@@ -72,13 +72,14 @@ def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
         )
     plain = parse_configuration(path.read_bytes())
     if plain is None:
-        raise ConfigError(f"{path} is not a configuration, or a damaged one")
+        raise ConfigError(f"{path} is damaged, or not a configuration")
     for key, value in flat(plain).items():
         if re.search(r"\$\{.*:", str(value)):  # calls a function
             raise ConfigError(f"{path}: {key}={value}: must be a plain value")
         if key.endswith(".kind") and is_own(value) and f"{key}={value}" not in typed:
             raise ConfigError(
-                f"{path}: {key}={value} is somebody's own code; if you trust it, type that too"
+                f"{path}: {key}={value} runs somebody's own code; "
+                f"if you trust it, add {key}={value} to the command"
             )
     plain.pop("logger", None)  # a file from elsewhere doesn't say where to log
     try:

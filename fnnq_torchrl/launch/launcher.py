@@ -92,7 +92,7 @@ class Multirun:
             job.write_configuration()
         with env_override(self._config.hydra.job.env_set):
             results = self._run(missing, pictures)
-        if pictures:  # of finished jobs, which were killed before they had one
+        if pictures:  # a finished job may have been killed before it drew its own
             _draw([job for job in jobs if job.directory not in results])
         try:
             returns = [self._end(job, results) for job in jobs]
@@ -115,7 +115,7 @@ class Multirun:
             self._loggers.log_sweep(SweepResults(self._directory.absolute(), jobs))
 
     def _run(self, jobs: Sequence[SweptJob], pictures: bool) -> dict[Path, Result]:
-        """Return the results by the jobs' directories."""
+        """Run the jobs, and return a dictionary from each job's directory to its result."""
         if not jobs:
             return {}
         batches = in_batches([job.job for job in jobs], self._settings.max_batch_size)
@@ -140,12 +140,12 @@ class Multirun:
         }
 
     def _log(self) -> None:
-        """Log to where the sweep does, after jobs that Hydra ran have logged to their own files."""
+        """Log to the sweep's file again: jobs that Hydra ran have redirected the log to theirs."""
         HydraConfig.instance().set_config(self._config)
         configure_log(self._config.hydra.hydra_logging, self._config.hydra.verbose)
 
     def _end(self, job: SweptJob, results: Mapping[Path, Result]) -> JobReturn:
-        """Write the job's log, call the callbacks, and return the job's end for the sweeper."""
+        """Write the job's log, call the callbacks, and return what the sweeper expects of a job."""
         if job.directory in results:
             result = results[job.directory]
         else:
@@ -211,6 +211,6 @@ def _check_directories(jobs: Sequence[SweptJob]) -> None:
         other = first.setdefault(job.directory, job)
         if other is not job:
             raise ConfigError(
-                f"{job}: {job.directory} is that of {other} too; "
+                f"{job}: {job.directory} is also the directory of {other}; "
                 "hydra.sweep.subdir must tell them apart"
             )

@@ -31,8 +31,8 @@ class _Template:
     """The composition of one job, from which jobs with other per-run values are made.
 
     Attributes:
-        node: everything.
-        config: valid.
+        node: the whole configuration, with the ``hydra`` node.
+        config: the valid configuration, without it.
         task: all but the ``hydra`` node as plain values, interpolations unresolved.
         hydra: that node, likewise.
         sweep_directory: absolute.
@@ -67,10 +67,10 @@ class SweptJob:
     """One job of a multirun.
 
     Attributes:
-        number: the job's in its sweep.
-        overrides: as its sweeper gave them.
+        number: the job's number in its sweep.
+        overrides: the job's, as the sweeper gave them.
         task_overrides: those of them that aren't about Hydra itself.
-        config: valid.
+        config: the job's valid configuration.
         directory: absolute; need not exist yet.
     """
 
@@ -102,7 +102,7 @@ class SweptJob:
 
     @property
     def job(self) -> Job:
-        """The job without Hydra, to be trained."""
+        """The job to train, without what only Hydra needs."""
         return Job(self.config, self.directory, self._template.sweep_directory)
 
     def node(self) -> DictConfig:

@@ -46,7 +46,7 @@ def bootstrap_interval(
     Args:
         statistic: the statistic, vectorised.
         *samples: each ``[runs]``; several samples are paired run by run, and drawn together.
-        confidence: probability with which the interval covers the expectation, in (0, 1).
+        confidence: the probability that the interval covers the expected value, in (0, 1).
         resamples: number of times that the runs are drawn, with replacement.
         seed: seed of the draws, so that the same samples have the same interval.
 
@@ -141,7 +141,7 @@ def paired_difference(
 
     Args:
         ours, theirs: each run's score, ``[runs]``, with the same seeds in the same order.
-        confidence: probability with which each interval covers its expectation.
+        confidence: the confidence level of both intervals, and of ``runs_needed``.
         seed: seed of the bootstrap's draws.
 
     Raises:
@@ -179,7 +179,9 @@ def choose_by_half(scores: ArrayLike) -> Chosen:
     scores = np.asarray(scores, np.float64)
     runs = scores.shape[1]
     if runs < 4:
-        raise ValueError(f"{runs} runs are too few to choose by half of them")
+        raise ValueError(
+            f"{runs} runs are too few: half of them choose, the others judge; at least 4 are needed"
+        )
     means = scores[:, : runs // 2].mean(axis=1)
     if np.isnan(means).all():
         raise ValueError("the scores of every choice are NaN: there is none to choose")

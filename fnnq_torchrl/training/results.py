@@ -38,8 +38,8 @@ class Evaluations:
         measure: the measure of the score: ``successes``, ``return`` or ``length``.
 
     Raises:
-        ValueError: on creation, if a shape or dtype is not as stated below, the first evaluation
-            is not the one before learning, or it is the only one.
+        ValueError: on creation, if a shape or dtype is not as stated below, there are no runs,
+            there are fewer than two evaluations, or their situations don't rise from 0.
     """
 
     seed: NDArray[np.int64] = _column("i8", _RUN)
@@ -74,8 +74,8 @@ class Evaluations:
             or np.any(np.diff(self.situations) <= 0)
         ):
             raise ValueError(
-                "situations must be 0 at the first of two or more evaluations, and rise at each "
-                f"later one; got {self.situations.tolist()}"
+                "situations must begin at 0 and rise, over at least two evaluations; "
+                f"got {self.situations.tolist()}"
             )
 
     @property
@@ -115,9 +115,9 @@ class Evaluations:
 
     @property
     def final_score(self) -> NDArray[np.float64]:
-        """Mean score of each run over its last ``FINAL_EVALUATIONS`` at most, ``[runs]``.
+        """Mean score of each run over its last ``FINAL_EVALUATIONS`` evaluations, ``[runs]``.
 
-        The evaluation before learning is none of them.
+        If a run has fewer, it is the mean over all of them. The one before learning never counts.
         """
         return self.score[:, 1:][:, -FINAL_EVALUATIONS:].mean(axis=1)
 

@@ -152,7 +152,7 @@ def _plain(
 
 
 def _read(path: Path, of: type[Checkpoint], what: str) -> dict[str, Any]:
-    """Return the fields in a file; ``what`` is the word for such a file in messages."""
+    """Return the fields in a file; error messages call such a file ``what``."""
     content = read_plain(path, FORMAT, what)
     if content.keys() != {field.name for field in fields(of)}:
         raise ValueError(f"{path} is not {what}")

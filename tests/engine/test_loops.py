@@ -29,9 +29,9 @@ KINDS = [NativeLoop, InductorLoop]
 
 
 def tiny_step(rate: float = 0.01, offset: float = 0.5) -> Callable[[int], Step]:
-    """Return a step of gradient descent in both precisions.
+    """Return a step of gradient descent, for weights in single and in double precision.
 
-    The rate becomes a number in the graph, the offset a tensor.
+    In the graph, the rate becomes a number and the offset a tensor.
     """
     offsets = torch.tensor([0.0, offset, -offset])
 

@@ -36,14 +36,14 @@ def test_a_file_cut_anywhere_is_refused(path: Path) -> None:
     whole = path.read_bytes()
     for length in range(0, len(whole), 7):
         path.write_bytes(whole[:length])
-        assert refusal(path) == "FILE is not a cup, or a damaged one"
+        assert refusal(path) == "FILE is damaged, or not a cup"
 
 
 def test_a_changed_number_is_noticed(path: Path) -> None:
     whole = path.read_bytes()
     number = torch.tensor(5.0).numpy().tobytes()
     path.write_bytes(whole.replace(number, torch.tensor(5.5).numpy().tobytes()))
-    assert refusal(path) == "FILE is not a cup, or a damaged one"
+    assert refusal(path) == "FILE is damaged, or not a cup"
 
 
 class Code:
@@ -54,9 +54,9 @@ class Code:
 @pytest.mark.parametrize("content", [Code(), {"format": 7, "weight": Code()}])
 def test_a_file_with_code_in_it_runs_none(path: Path, content: Any) -> None:
     torch.save(content, path)
-    assert refusal(path) == "FILE is not a cup, or a damaged one"
+    assert refusal(path) == "FILE is damaged, or not a cup"
     path.write_bytes(pickle.dumps(content))
-    assert refusal(path) == "FILE is not a cup, or a damaged one"
+    assert refusal(path) == "FILE is damaged, or not a cup"
 
 
 @pytest.mark.parametrize("content", [torch.zeros(3), {"weight": torch.zeros(3)}])

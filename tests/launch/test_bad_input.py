@@ -105,7 +105,10 @@ NO_PAIRS = "must be a list of at least one pair [centre, width] with width > 0"
 NO_RESULTS = "has no finished results: python -m fnnq_torchrl.train +experiment="
 TORN = "evaluations.csv is not a complete evaluations file: its last row is cut short"
 NO_NUMBER = "evaluations.csv is not a complete evaluations file: could not convert string "
-OTHERS = "is of another configuration or PyTorch; take another directory, or start over with "
+OTHERS = (
+    "was saved with another configuration, engine or version of PyTorch; "
+    "take another directory, or start over with "
+)
 # The expected line for each command; one that ends in an ellipsis is only its beginning.
 # Commands that write figures and pages have no keys, so no value of them is out of range.
 TABLE: dict[str, dict[str, tuple[int, str]]] = {
@@ -200,7 +203,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train from=finished/0 from=another": (2, "from=finished/0 from=another: must be one job"),
         "train --experimental-rerun job.pickle": (
             2,
-            "--experimental-rerun: reads a pickle, which can run any code; …",
+            "--experimental-rerun is refused: it reads a pickle, which can run any code; …",
         ),
     },
     "unreadable file": {
@@ -208,11 +211,10 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train hydra.run.dir=folder": (1, "…/folder/training.pt: Is a directory"),
         "train hydra.run.dir=damaged": (
             2,
-            "…/damaged/training.pt is not a saved training, or a damaged one; "
-            "resume=never starts over",
+            "…/damaged/training.pt is damaged, or not a saved training; resume=never starts over",
         ),
         "train -m hydra.sweep.dir=folder": (1, "…/folder/0/training.pt: Is a directory"),
-        "train -m hydra.sweep.dir=damaged": (2, "…/damaged/0/training.pt is not a saved …"),
+        "train -m hydra.sweep.dir=damaged": (2, "…/damaged/0/training.pt is damaged, or …"),
         "figures fig2 --results torn": (1, f"torn/fig2/2026-01-02_03-04-05/0/{TORN}"),
         "reproduction --short --results torn": (1, f"torn/fig2/2026-01-02_03-04-05/0/{TORN}"),
         "adaptive --results torn": (1, f"torn/adaptive/2026-01-02_03-04-05/0/{TORN}"),

@@ -163,7 +163,8 @@ def edit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]
         ({1: 2}, "1: there is no 1; there is lam, …"),
         (
             {"value": {"kind": "antigravity:fly"}},
-            "value.kind=antigravity:fly is somebody's own code; if you trust it, type that too",
+            "value.kind=antigravity:fly runs somebody's own code; "
+            "if you trust it, add value.kind=antigravity:fly to the command",
         ),
     ],
 )
@@ -182,7 +183,7 @@ def test_what_isnt_valid_is_refused_in_a_line(
 @pytest.mark.parametrize("text", ["", "\0\0", "lam: [0", "lam", "a: !!python/object:os.abort {}"])
 def test_a_damaged_configuration_is_refused(edit: Callable[..., Path], text: str) -> None:
     edit({}).write_text(text)
-    with pytest.raises(ConfigError, match=r"^job/\.hydra/config\.yaml is not a configuration"):
+    with pytest.raises(ConfigError, match=r"^job/\.hydra/config\.yaml is damaged, or not a"):
         load_config("from=job")
 
 
@@ -196,5 +197,5 @@ def test_code_of_ones_own_runs_if_it_is_typed(
     value = asdict(load_config("value=mlp").value) | {"kind": "of_mine:Mine"}
     edit({"value": value})
     assert load_config("from=job", "value.kind=of_mine:Mine").value.kind == "of_mine:Mine"
-    with pytest.raises(ConfigError, match=r"type that too$"):
+    with pytest.raises(ConfigError, match=r"add value\.kind=of_mine:Mine to the command$"):
         load_config("from=job")

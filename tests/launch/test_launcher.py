@@ -265,7 +265,7 @@ def test_jobs_may_not_share_a_directory(
     status, _, stderr = command("seed=0,1", *places, "-m")
     assert status == 2
     assert stderr == (
-        f"job 1 (seed=1): {tmp_path / 'here'} is that of job 0 (seed=0) too; "
+        f"job 1 (seed=1): {tmp_path / 'here'} is also the directory of job 0 (seed=0); "
         "hydra.sweep.subdir must tell them apart\n"
     )
     assert not untrained

@@ -62,7 +62,7 @@ def learner(config: Config, **weights: torch.Tensor) -> Learner:
 
 
 def rules(generator_seed: int = 0) -> torch.Tensor:
-    """Return consequents ``[2, runs, 5, 4]``: 0 at the start, and those at the switch."""
+    """Return consequents ``[2, runs, 5, 4]``: 0 at the start, and random ones at the switch."""
     generator = torch.Generator().manual_seed(generator_seed)
     learned = torch.randn(RUNS, 5, 4, generator=generator, dtype=torch.float64)
     return torch.stack([torch.zeros_like(learned), learned])

@@ -1,4 +1,4 @@
-"""A damaged file is read as it was written, or refused in one line that names it."""
+"""A damaged file is refused in one line that names it, or read as if it were whole."""
 
 import shutil
 from collections.abc import Callable
@@ -81,7 +81,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def assert_read_or_refused(home: Home, name: str, data: bytes) -> None:
-    """Check a damaged file: a binary one is read as it was written, or it is refused."""
+    """Check that a damaged file is refused or read; a binary one, with its original content."""
     path = home.damaged / name
     path.write_bytes(data)
     found, refused = read(home, name)
@@ -90,7 +90,7 @@ def assert_read_or_refused(home: Home, name: str, data: bytes) -> None:
 
 
 def read(home: Home, name: str) -> tuple[Any, str | None]:
-    """Return the damaged file's content or the line of its refusal; restore the file."""
+    """Return the damaged file's content, or the message that refuses it; then restore the file."""
     path = home.damaged / name
     try:
         return READERS[name](path), None

@@ -296,7 +296,7 @@ def test_a_damaged_training_is_told_before_any_batch_begins(tmp_path, monkeypatc
     (tmp_path / "second" / "training.pt").write_bytes(b"damage")
     config = load_config("situations=5")
     batches = [[Job(config, tmp_path / name)] for name in ("first", "second")]
-    with pytest.raises(ConfigError, match=r"second/training\.pt is not .* damaged"):
+    with pytest.raises(ConfigError, match=r"second/training\.pt is damaged, or not"):
         list(run_batches(batches, pictures=False))
     assert begun == []
 

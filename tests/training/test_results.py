@@ -145,8 +145,8 @@ def test_a_foreign_file_is_refused(tmp_path: Path, content: bytes) -> None:
         ({"lam": np.array([0.2])}, "lam must be float64"),
         ({"steps": TWO_RUNS.steps.T}, "steps must be int64"),
         ({"catches": TWO_RUNS.catches.astype(np.int32)}, "catches must be int64"),
-        ({"situations": np.array([5, 10, 15])}, "situations must be 0 at the first"),
-        ({"situations": np.array([0, 10, 5])}, "and rise at each"),
+        ({"situations": np.array([5, 10, 15])}, "situations must begin at 0"),
+        ({"situations": np.array([0, 10, 5])}, "begin at 0 and rise, over at least two"),
     ],
 )
 def test_wrong_arrays_are_refused(change: dict[str, np.ndarray], reason: str) -> None:

@@ -159,7 +159,7 @@ class _Compared:
 
 
 def _in_short(compared: _Compared) -> str:
-    """Return the conclusions on all step sizes, without their figures."""
+    """Return the conclusions on all step sizes, without the numbers behind them."""
     at_best, over_alphas = (
         _grouped({name: _more_or_less(each) for name, each in found.items()})
         for found in (compared.at_best, compared.over_alphas)
@@ -209,7 +209,7 @@ def _held_back(experiment: Experiment, lam: float) -> str:
 
 
 def _comparison(compared: _Compared) -> str:
-    """Return a sentence for each step size but the reference, and the tables."""
+    """Return the tables, after a sentence on each step size other than the reference."""
     against = f"against {value_words(compared.reference)}"
     head = ["", "before learning", "best α", "there", against, "over all α", against, "spread"]
     return (

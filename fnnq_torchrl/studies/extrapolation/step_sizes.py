@@ -33,7 +33,7 @@ def best_steps(sweep: Experiment) -> dict[str, BestStep]:
     """Return the best step size of each kind of value function in a sweep over both.
 
     Raises:
-        ValueError: there are too few seeds to choose by half of them (`choose_by_half`).
+        ValueError: there are too few seeds for `choose_by_half`.
     """
     found = {}
     for kind in sweep.values("value.kind"):

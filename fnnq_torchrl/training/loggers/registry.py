@@ -83,7 +83,7 @@ class Loggers:
                 logger.close()
 
     def _each(self, jobs: Iterable[Job], use: Callable[[Logger, list[Job]], None]) -> None:
-        """Use each logger that the jobs choose, with those that choose it."""
+        """Call ``use`` with each logger that the jobs choose, and the jobs that choose it."""
         choices: dict[tuple[str, str], tuple[Any, list[Job]]] = {}
         for job in jobs:
             for name, settings in vars(job.config.logger).items():
@@ -99,7 +99,7 @@ class Loggers:
 
     @contextmanager
     def _guarded(self, name: str) -> Iterator[None]:
-        """A block that uses a logger. A first failure is told; then the logger is left out."""
+        """A block that uses a logger. If it fails, the user is told, and it isn't used again."""
         try:
             yield
         except ConfigError:

@@ -186,7 +186,7 @@ def _mode(asked: str) -> Any:
         key, mode = "WANDB_MODE", os.environ.get("WANDB_MODE", "")
     if mode == "online" and not logged_in:
         raise ConfigError(
-            f"{key}=online: nobody is logged in; `wandb login` or WANDB_API_KEY do that"
+            f"{key}=online: nobody is logged in; run `wandb login` or set WANDB_API_KEY"
         )
     if not mode and settings.mode != "online":  # online may also be just the default
         mode = settings.mode  # set by `wandb offline`

@@ -12,16 +12,17 @@ Hand = tuple[Tensor, TensorDictBase]
 
 
 class HandsKeeper:
-    """The :class:`fnnq_torchrl.engine.scheduler.Keeper` that saves when it is due.
+    """The :class:`fnnq_torchrl.engine.scheduler.Keeper` that saves whenever a save is due.
 
-    When a save is due, each worker leaves a copy of its unfinished runs at its next visit, and goes
-    on. The last of them saves all copies, together with what is finished. After an interruption the
-    steps since the copies are taken again, with the same results.
+    When one is due, each worker leaves a copy of its unfinished runs at its next visit, and goes
+    on. The last worker saves all copies, together with what is finished. A training that resumes
+    from these copies repeats the steps that came after them, with the same results.
 
     Args:
-        interruptions: tell when to save.
-        save: called with the hands of all workers that have any. If it raises an `OSError`, the
-            work goes on, unless it is to end, and the next save is due an interval later.
+        interruptions: says when a save is due, and whether the work is to end.
+        save: called with one `Hand` from each worker that has unfinished runs. If it raises an
+            `OSError`, the work goes on, and the next save is due an interval later; but if the
+            work is to end, it ends with `Lost`.
     """
 
     def __init__(

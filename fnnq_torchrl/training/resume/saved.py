@@ -44,8 +44,8 @@ class SavedTraining:
         """Read the file, if there is one and ``resume`` isn't ``never``.
 
         Raises:
-            ConfigError: it is of another configuration or PyTorch, of other or of more runs, or
-                damaged.
+            ConfigError: it was saved with another configuration, engine or version of PyTorch, or
+                with other or more runs, or it is damaged.
             OSError: it can't be read.
         """
         if self._batch.config.resume == "never" or not self.path.exists():
@@ -59,14 +59,14 @@ class SavedTraining:
             rows = self._batch.runs.rows_among(content["ledger"]["runs"].numpy())
         if rows is None:
             raise ConfigError(
-                f"{self.path} is of another configuration or PyTorch; "
+                f"{self.path} was saved with another configuration, engine or version of PyTorch; "
                 "take another directory, or start over with resume=never"
             )
         saved, runs = len(content["ledger"]["runs"]), len(rows)
         # In a sweep, the others may be of jobs that are finished. Here they would be thrown away.
         if saved > runs and self._batch.jobs[0].sweep is None:
             raise ConfigError(
-                f"{self.path} is of {saved:,} runs, not of num_seeds={runs}; "
+                f"{self.path} was saved with {saved:,} runs, not num_seeds={runs}; "
                 "take another directory, or start over with resume=never"
             )
         self._read = content["ledger"], torch.from_numpy(rows)

@@ -19,7 +19,7 @@ class SnapshotBook:
         every: situations from one page to the next.
 
     Args:
-        weights: of the runs before learning, by name, each ``[runs, *weights]``.
+        weights: the runs' weights before learning, by name, each ``[runs, *weights]``.
         every: situations from one evaluation to the next.
         evaluations: their number, the one before learning included.
     """
@@ -45,7 +45,7 @@ class SnapshotBook:
         self.collected = torch.zeros(runs, dtype=torch.int64)
 
     def close(self, runs: Tensor, steps: Tensor) -> None:
-        """Fill the later pages of runs that have stopped with the last page of each.
+        """Copy the last page of each run that has stopped onto the pages after it.
 
         Args:
             runs: their numbers, int64 ``[closed]``.
@@ -67,7 +67,7 @@ class SnapshotBook:
             state: the learner's state, ``[lanes]``.
 
         Raises:
-            ConfigError: a run has taken two since then, so the first of them is lost.
+            ConfigError: a run has had two snapshots since the last call, so the first one is lost.
         """
         due = (state["situations"].squeeze(-1).cpu() // self.every).clamp(max=self._last)
         busy = runs >= 0

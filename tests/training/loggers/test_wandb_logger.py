@@ -139,12 +139,12 @@ def test_a_sweep_has_a_wandb_run_of_its_own(tmp_path: Path) -> None:
         (
             "logger.wandb.mode=online",
             {},
-            "logger.wandb.mode=online: nobody is logged in; `wandb login` or WANDB_API_KEY do that",
+            "logger.wandb.mode=online: nobody is logged in; run `wandb login` or set WANDB_API_KEY",
         ),
         (
             "logger.wandb.mode=auto",
             {"WANDB_MODE": "online"},
-            "WANDB_MODE=online: nobody is logged in; `wandb login` or WANDB_API_KEY do that",
+            "WANDB_MODE=online: nobody is logged in; run `wandb login` or set WANDB_API_KEY",
         ),
         ("logger.wandb.mode=auto", {"WANDB_API_KEY": "short"}, "logger=wandb: WANDB_API_KEY inv"),
     ],

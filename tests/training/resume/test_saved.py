@@ -55,7 +55,12 @@ class Stop(Interruptions):
 
 @cache
 def loop_of(engine: MakeLoop, *keys: str) -> list[Loop]:
-    """Return the place for the loop of the learner or the test, which all trainers share."""
+    """Return a list for a compiled loop, at first empty, which all trainers share.
+
+    Args:
+        engine: makes the loop.
+        keys: those of the loop's state, which tell the learner's loop from the test's.
+    """
     return []
 
 
@@ -81,7 +86,7 @@ def make_trainer(job: Config) -> Trainer:
 
 
 def go_on(trainer: Trainer, directory: Path, stop_at: int) -> Outcome | None:
-    """Resume the training; return its outcome, or None if it is interrupted at that visit."""
+    """Resume the training; return its outcome, or None if visit ``stop_at`` interrupts it."""
     saved = SavedTraining(batch_of(trainer.config, directory))
     saved.read()
     saved.restore(trainer.ledger)
@@ -216,7 +221,7 @@ def test_another_trainings_file_is_refused(saved: Path, job: Config, engine: str
 
 def test_more_runs_than_are_asked_for_are_not_thrown_away(saved: Path) -> None:
     fewer = batch_of(replace(JOB, num_seeds=RUNS - 1), saved.parent)
-    line = rf"is of {RUNS} runs, not of num_seeds={RUNS - 1}; .*resume=never"
+    line = rf"was saved with {RUNS} runs, not num_seeds={RUNS - 1}; .*resume=never"
     with pytest.raises(ConfigError, match=line):
         SavedTraining(fewer).read()
 
@@ -232,7 +237,7 @@ def test_what_learning_does_not_depend_on_does_not_matter(saved: Path, job: Conf
 
 def test_another_pytorchs_file_is_refused(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch, "__version__", "0.4")
-    with pytest.raises(ConfigError, match=r"or PyTorch; .*resume=never"):
+    with pytest.raises(ConfigError, match=r"version of PyTorch; .*resume=never"):
         SavedTraining(batch_of(JOB, saved.parent)).read()
 
 
@@ -249,7 +254,7 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
 @pytest.mark.parametrize("damage", DAMAGE)
 def test_a_damaged_file_is_told_in_one_line(saved: Path, damage: str) -> None:
     saved.write_bytes(DAMAGE[damage](saved.read_bytes()))
-    with pytest.raises(ConfigError, match=r"training\.pt is not .*resume=never") as refused:
+    with pytest.raises(ConfigError, match=r"training\.pt is .*not .*resume=never") as refused:
         SavedTraining(batch_of(JOB, saved.parent)).read()
     assert len(str(refused.value).splitlines()) == 1
 
@@ -260,7 +265,7 @@ def test_a_file_that_would_run_code_is_refused(saved: Path) -> None:
             return (pytest.fail, ("ran code",))
 
     torch.save({"format": FORMAT, "identity": "", "ledger": Code()}, saved)
-    with pytest.raises(ConfigError, match="is not a saved training"):
+    with pytest.raises(ConfigError, match="is damaged, or not a saved training"):
         SavedTraining(batch_of(JOB, saved.parent)).read()
 
 
