@@ -1,20 +1,24 @@
-"""The size of a learning step under the two readings of step h.
+"""The size of a learning step under the two readings of step h of the paper's Table 1.
 
-While the ball rolls, the robot sees nearly the same for many steps. Suppose that it sees and does
-exactly the same, (s, a), for long. With f = ∇Q(s, a) the decayed trace settles at
+Step h adds the present pair (s, a) to the trace e. With f = ∇Q(s, a) it adds f under the reading
+``gradient``, and f/‖f‖² under ``output``.
 
-    γλe = f·γλ/(1 − γλ)            (gradient: each of the earlier steps added f)
-    γλe = f/‖f‖²·γλ/(1 − γλ)       (output: each added f/‖f‖²)
+While the ball rolls, the robot sees nearly the same for many steps. Suppose that every step is at
+the same pair (s, a). Then the decayed trace settles at
 
-and a greedy step, whose two errors are the same δ, moves Q(s, a) by f·αδ(γλe + f), which is δ times
+    γλe = f·γλ/(1 − γλ)            (gradient)
+    γλe = f/‖f‖²·γλ/(1 − γλ)       (output)
+
+The two errors of a greedy step are equal. With an error δ the step moves Q(s, a) by
+f·αδ(γλe + f). This is δ times the *effective step size*:
 
     α‖f‖²/(1 − γλ)                 (gradient)
     α(‖f‖² + γλ/(1 − γλ))          (output)
 
-In a table ‖f‖² = 1, and both are α/(1 − γλ). The target of a situation's last step doesn't move. A
-last step beyond 1 overshoots its target, and one beyond 2 leaves Q farther off than it was. Rules
-that overlap share the firing strength, so ‖f‖² is small. So under ``output`` most of the step comes
-from the earlier pairs, not from the present one.
+In a table ‖f‖² = 1, and both are α/(1 − γλ). In the last step of a situation the target of Q is
+fixed: an effective step size above 1 overshoots it, and one above 2 leaves Q farther from it than
+before. Rules that overlap share the firing strength, so ‖f‖² is small. Then under ``output`` most
+of the step comes from the earlier pairs, not from the present one.
 """
 
 from collections.abc import Sequence
@@ -28,11 +32,13 @@ Labels = Sequence[Sequence[float]]
 
 
 def squared_gradient(inputs: Sequence[tuple[Labels, Tensor]], width: str) -> Tensor:
-    """‖f‖² of the fuzzy rule base, with f = σᵢ/Σσ: the product over its inputs, Πⱼ Σ(μ/Σμ)².
+    """The squared norm ‖f‖² of the fuzzy rule base's gradient, the firing shares f = σᵢ/Σσ.
+
+    It is a product over the inputs j: ‖f‖² = Πⱼ Σ(μ/Σμ)², summed over the labels of input j.
 
     Args:
         inputs: for each input, the action included, its labels [centre, second number] and the
-            points at which to evaluate. The points' tensors broadcast.
+            points at which to evaluate ‖f‖². The points' tensors broadcast.
         width: the meaning of the labels' second number, ``sigma`` or ``variance``.
 
     Returns:
@@ -50,16 +56,18 @@ def squared_gradient(inputs: Sequence[tuple[Labels, Tensor]], width: str) -> Ten
 
 
 def effective_step(norm: Tensor, alpha: float, decay: Tensor, trace: str) -> Tensor:
-    """The share of its error by which a step moves Q(s, a), after a long time at (s, a).
+    """The effective step size: the share of the error by which a step moves Q(s, a).
+
+    The trace has settled: all earlier steps were at (s, a) too.
 
     Args:
-        norm: ‖f‖².
+        norm: the squared norm ‖f‖² of the gradient at (s, a).
         alpha: the step size α.
-        decay: γλ, below 1; broadcasts with ``norm``.
+        decay: the decay γλ of the trace, below 1; broadcasts with ``norm``.
         trace: the reading of step h, ``output`` or ``gradient``.
 
     Raises:
-        ValueError: ``trace`` is neither.
+        ValueError: if ``trace`` is neither of the two.
     """
     if trace not in ("output", "gradient"):
         raise ValueError(f"trace={trace!r}: must be output or gradient")

@@ -14,11 +14,11 @@ from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.training.results import Evaluations, read_evaluations
 
 HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s", "checkpoint.snapshots")
-"""Keys that don't change what is computed."""
+"""Keys of the configuration that don't change a job's results."""
 
 
 class NoResults(ValueError):
-    """Results that were asked for are missing; the text is one line that says which."""
+    """Results are missing or can't be compared; the message is one line that says which."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Job:
 
     @property
     def best(self) -> int | None:
-        """The highest possible score, or None where a score doesn't count successes."""
+        """The highest possible score, or None if the score doesn't count successes."""
         return self.config.best_score
 
 
@@ -48,7 +48,7 @@ class Experiment:
     """All jobs of an experiment.
 
     Args:
-        name: its name, as in ``+experiment=name``.
+        name: the name of the experiment, as in ``+experiment=name``.
         jobs: at least one, in the order in which they were launched.
     """
 
@@ -57,7 +57,10 @@ class Experiment:
 
     @cached_property
     def varied(self) -> list[str]:
-        """The keys whose values differ between jobs, in the configuration's order."""
+        """The keys whose values differ between jobs, in the configuration's order.
+
+        Keys in `HOW_IT_RUNS` are left out.
+        """
         first = self.jobs[0].settings
         return [
             key
@@ -68,22 +71,22 @@ class Experiment:
 
     @property
     def runs(self) -> int:
-        """The number of runs of each job, or of the smallest job where they differ."""
+        """The number of runs of the smallest job."""
         return min(job.evaluations.runs for job in self.jobs)
 
     def job(self, **settings: Any) -> Job:
-        """The job with these settings.
+        """The only job with these settings.
 
         Raises:
-            NoResults: there is none, or there are several.
+            NoResults: if no job or more than one has these settings.
         """
         return self.job_with(settings)
 
     def job_with(self, settings: Mapping[str, Any]) -> Job:
-        """The job with these settings, whose keys may have groups, such as ``env.speed_mps``.
+        """The only job with these settings, by full keys such as ``env.speed_mps``.
 
         Raises:
-            NoResults: there is none, or there are several.
+            NoResults: if no job or more than one has these settings.
         """
         found = [
             job
@@ -92,14 +95,14 @@ class Experiment:
         ]
         if len(found) != 1:
             words = " ".join(f"{key}={value}" for key, value in settings.items())
-            raise NoResults(f"{self.name} has {len(found)} jobs with {words}, not one")
+            raise NoResults(f"{self.name} has {len(found)} jobs with {words}; it must have one")
         return found[0]
 
     def where(self, key: str, value: Any) -> "Experiment":
-        """The experiment with only those of its jobs that have this value.
+        """A new experiment with the jobs that have this value of the key.
 
         Raises:
-            NoResults: no job has it.
+            NoResults: if no job has the value.
         """
         jobs = [job for job in self.jobs if job.settings.get(key) == value]
         if not jobs:
@@ -107,7 +110,7 @@ class Experiment:
         return Experiment(self.name, jobs)
 
     def values(self, key: str) -> list[Any]:
-        """The different values of a key, in the order of the jobs."""
+        """The distinct values of a key, in the order of the jobs."""
         return list(dict.fromkeys(job.settings[key] for job in self.jobs))
 
 
@@ -115,9 +118,9 @@ def read_experiment(directory: Path, name: str) -> Experiment:
     """Return the experiment in a directory. Its jobs are the subdirectories named by numbers.
 
     Raises:
-        NoResults: there is no job, or one hasn't finished.
-        OSError: a file can't be read.
-        ValueError: a file is damaged.
+        NoResults: if there is no job, or a job hasn't finished.
+        OSError: if a file can't be read.
+        ValueError: if a file is damaged.
     """
     numbered = [path for path in directory.iterdir() if path.name.isdecimal()]
     jobs = sorted(numbered, key=lambda path: int(path.name))
@@ -129,10 +132,12 @@ def read_experiment(directory: Path, name: str) -> Experiment:
 
 
 def newest_experiment(root: Path, name: str) -> Experiment:
-    """Return the newest sweep of an experiment whose jobs have all finished, ``root/name/<time>``.
+    """Return the newest finished sweep of an experiment, from a directory ``root/name/<time>``.
+
+    A sweep is finished if all its jobs are.
 
     Raises:
-        NoResults: there is none.
+        NoResults: if no sweep is finished.
         OSError, ValueError: as in :func:`read_experiment`.
     """
     for sweep in sorted((root / name).glob("*/"), key=_started, reverse=True):
@@ -144,14 +149,17 @@ def newest_experiment(root: Path, name: str) -> Experiment:
 
 
 def _started(sweep: Path) -> tuple[str, int]:
-    """The time in a sweep's directory name, and its number among the sweeps of that second."""
+    """Return the start time and the number, from 1, of a sweep among the sweeps of one second.
+
+    Both are read from the sweep's directory name.
+    """
     time, _, number = sweep.name.partition("_")
     clock, _, number = number.partition("_")
     return f"{time}_{clock}", int(number) if number.isdecimal() else 1
 
 
 def _finished(job: Path) -> bool:
-    """Return whether a job has written its summary, which it writes last."""
+    """Return True if a job has written ``summary.json``, which is its last file."""
     return (job / "summary.json").is_file()
 
 
@@ -159,7 +167,7 @@ def _read_job(directory: Path) -> Job:
     path = directory / ".hydra" / "config.yaml"
     try:
         plain = yaml.safe_load(path.read_bytes())
-    except Exception as error:  # a file that isn't YAML can raise nearly anything
+    except Exception as error:  # bytes that aren't YAML can raise nearly any exception
         raise ValueError(f"{path} is not a configuration") from error
     if not isinstance(plain, dict):
         raise ValueError(f"{path} is not a configuration")

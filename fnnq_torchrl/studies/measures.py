@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 from fnnq_torchrl.training.results import FINAL_EVALUATIONS, Evaluations
 
 EARLY_EVALUATIONS = 10
-"""The number of evaluations after learning began whose mean is the early score."""
+"""The number of evaluations in the early score. The one before learning isn't among them."""
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A measure of runs.
+    """A measure, which gives one number for each run.
 
     Attributes:
-        words: its name with its unit, as on a figure's axis.
-        meaning: its definition, in a clause.
-        of: computes it from evaluations, ``[runs]``.
+        words: the name with the unit, as on a figure's axis.
+        meaning: the definition, in a clause.
+        of: a function from evaluations to the runs' numbers, ``[runs]``.
     """
 
     words: str
@@ -28,12 +28,15 @@ class Measure:
 
 
 def early_score(evaluations: Evaluations) -> NDArray[np.float64]:
-    """Return each run's mean score soon after learning began, ``[runs]``: a measure of speed."""
+    """Return each run's mean over its first evaluations after learning began, ``[runs]``.
+
+    The early score measures the speed of learning.
+    """
     return evaluations.score[:, 1:][:, :EARLY_EVALUATIONS].mean(axis=1)
 
 
 def forgetting(evaluations: Evaluations) -> NDArray[np.float64]:
-    """Return by how much each run's score lies below its best so far, on average, ``[runs]``."""
+    """Return the mean distance of each run's score below the run's best so far, ``[runs]``."""
     scores = evaluations.score[:, 1:]
     return (np.maximum.accumulate(scores, axis=1) - scores).mean(axis=1)
 

@@ -18,12 +18,13 @@ class Interval(NamedTuple):
 
 
 Statistic = Callable[..., Any]
-"""A function that takes samples, ``[..., n]`` each, and ``axis=-1``, and returns ``[...]``."""
+"""A function of one or more samples ``[..., n]`` and of ``axis=-1``, which returns ``[...]``."""
 
 _MOST_FOR_BCA = 1000
 """The largest number of runs whose intervals are corrected for bias and skew (BCa).
 
-The work grows with the square of the number of runs, and the correction shrinks with its root.
+The cost of BCa grows with the square of the number of runs, and its correction shrinks with the
+square root of that number.
 """
 
 _ELEMENTS_AT_ONCE = 4_000_000
@@ -39,22 +40,23 @@ def bootstrap_interval(
     """A statistic of one or more samples with its bootstrap interval (`scipy.stats.bootstrap`).
 
     Up to 1,000 runs the interval is BCa (B. Efron, "Better bootstrap confidence intervals", JASA
-    82, 1987). Beyond that, and where BCa is not defined because leaving out any single run changes
-    nothing, it is the plain percentiles of the draws. The bounds of a mean lie between the smallest
-    sample and the largest, so the interval of a bounded score stays within the score's bounds.
+    82, 1987). With more runs its bounds are percentiles of the resampled statistic. So they are if
+    BCa is undefined because the statistic stays the same whichever run is left out. The bounds of a
+    mean lie between the smallest and the largest number of the sample, so the interval of a bounded
+    score stays within the score's bounds.
 
     Args:
         statistic: the statistic, vectorised.
-        *samples: each ``[runs]``; several samples are paired run by run, and drawn together.
+        *samples: each ``[runs]``; several samples are paired run by run, and resampled together.
         confidence: the probability that the interval covers the expected value, in (0, 1).
-        resamples: number of times that the runs are drawn, with replacement.
-        seed: seed of the draws, so that the same samples have the same interval.
+        resamples: the number of bootstrap resamples.
+        seed: the seed of the resampling, so that equal samples have equal intervals.
 
     Returns:
         The statistic and its bounds. The bounds are NaN for a single run.
 
     Raises:
-        ValueError: no runs, or samples of different lengths.
+        ValueError: if there are no runs, or the samples differ in length.
     """
     columns = [np.asarray(sample, dtype=np.float64) for sample in samples]
     runs = columns[0].size
@@ -67,7 +69,7 @@ def bootstrap_interval(
     if all(np.ptp(column) == 0 for column in columns):
         return Interval(value, value, value)
     with warnings.catch_warnings():
-        # scipy warns where BCa is undefined; its NaN bounds are dealt with below.
+        # scipy warns and returns NaN bounds if BCa is undefined; they are replaced below.
         warnings.simplefilter("ignore", DegenerateDataWarning)
         warnings.simplefilter("ignore", RuntimeWarning)
         result = bootstrap(
@@ -92,13 +94,13 @@ def bootstrap_interval(
 def interquartile_mean(samples: ArrayLike, axis: int = -1) -> Any:
     """The mean of the middle half of the samples: a quarter is cut off at either end.
 
-    Single runs sway it less than the mean, and it uses more of the runs than the median does
+    It is less sensitive to single runs than the mean, and uses more of the runs than the median
     (R. Agarwal et al., "Deep reinforcement learning at the edge of the statistical precipice",
     NeurIPS 2021).
 
     Args:
         samples: an array of any shape.
-        axis: the axis of the runs, which the result lacks.
+        axis: the axis of the runs, over which the mean is taken.
     """
     return trim_mean(samples, 0.25, axis=axis)
 
@@ -109,8 +111,8 @@ def improvement(ours: ArrayLike, theirs: ArrayLike, axis: int = -1) -> Any:
     It is the Mann–Whitney statistic over all pairs of runs, divided by the number of pairs.
 
     Args:
-        ours, theirs: scores, whose runs lie along ``axis``.
-        axis: the axis of the runs, which the result lacks.
+        ours, theirs: the scores of two configurations, with their runs along ``axis``.
+        axis: the axis of the runs, over which the probability is taken.
     """
     first, second = (np.moveaxis(np.asarray(scores), axis, -1) for scores in (ours, theirs))
     n, m = first.shape[-1], second.shape[-1]
@@ -122,10 +124,11 @@ class Difference(NamedTuple):
     """The difference of two configurations' scores over the same seeds.
 
     Attributes:
-        mean: the mean of the runs' differences, in the scores' own unit.
-        effect: that mean in standard deviations of the runs' differences.
-        improvement: the probability that a run of the first scores more than a run of the second.
-        runs_needed: the number of seeds that it takes to see such a difference (`runs_needed`).
+        mean: the mean of the runs' differences, in the unit of the scores.
+        effect: the mean difference in standard deviations of the runs' differences.
+        improvement: the probability that a run of the first configuration scores more than a run
+            of the second (`improvement`).
+        runs_needed: the number of seeds needed to see such a difference (`runs_needed`).
     """
 
     mean: Interval
@@ -142,14 +145,16 @@ def paired_difference(
     Args:
         ours, theirs: each run's score, ``[runs]``, with the same seeds in the same order.
         confidence: the confidence level of both intervals, and of ``runs_needed``.
-        seed: seed of the bootstrap's draws.
+        seed: the seed of the bootstrap's resampling.
 
     Raises:
-        ValueError: no runs, or not the same number.
+        ValueError: if there are no runs, or the two numbers of runs differ.
     """
     ours, theirs = np.asarray(ours, np.float64), np.asarray(theirs, np.float64)
     if ours.shape != theirs.shape:
-        raise ValueError(f"ours {list(ours.shape)} and theirs {list(theirs.shape)} must be pairs")
+        raise ValueError(
+            f"ours {list(ours.shape)} and theirs {list(theirs.shape)} must have the same shape"
+        )
     differences = ours - theirs
     mean = bootstrap_interval(np.mean, differences, confidence=confidence, seed=seed)
     better = bootstrap_interval(improvement, ours, theirs, confidence=confidence, seed=seed)
@@ -158,7 +163,7 @@ def paired_difference(
 
 
 class Chosen(NamedTuple):
-    """The index of the best choice, and its scores in the runs that had no say in choosing it."""
+    """The index of the best choice, and its scores in the runs that did not choose it."""
 
     choice: int
     judged: NDArray[np.float64]
@@ -168,13 +173,13 @@ def choose_by_half(scores: ArrayLike) -> Chosen:
     """The choice with the highest mean over the first half of the runs, judged by the other half.
 
     If the same runs chose and judged, the best would look better than it is: the highest of several
-    means is partly luck. A choice whose mean is not a number is never the best.
+    means is partly luck. A choice whose mean is NaN is never the best.
 
     Args:
-        scores: ``[choices, runs]``.
+        scores: the scores of each choice, ``[choices, runs]``.
 
     Raises:
-        ValueError: there are fewer than four runs, or no choice has a mean.
+        ValueError: if there are fewer than four runs, or the means of all choices are NaN.
     """
     scores = np.asarray(scores, np.float64)
     runs = scores.shape[1]
@@ -190,7 +195,7 @@ def choose_by_half(scores: ArrayLike) -> Chosen:
 
 
 def standardised(differences: ArrayLike) -> float:
-    """Mean over standard deviation (Cohen's d of paired samples); NaN for a single run."""
+    """The mean divided by the standard deviation (Cohen's d of pairs); NaN for a single run."""
     differences = np.asarray(differences, np.float64)
     if differences.size < 2:
         return float("nan")
@@ -201,15 +206,15 @@ def standardised(differences: ArrayLike) -> float:
 
 
 def runs_needed(effect: float, confidence: float = 0.95, power: float = 0.8) -> float:
-    """The number of pairs of runs with which a paired t test sees an effect with a given power.
+    """The number of pairs of runs that a paired t test needs to see an effect with a given power.
 
         n = ((z(½(1 + confidence)) + z(power)) / d)² + ½z(½(1 + confidence))²
 
-    The normal approximation with W. C. Guenther's correction for t ("Sample size formulas for
-    normal theory t tests", The American Statistician 35, 1981).
+    This is the normal approximation with W. C. Guenther's correction for t ("Sample size formulas
+    for normal theory t tests", The American Statistician 35, 1981).
 
     Args:
-        effect: d, the mean difference in standard deviations of the differences.
+        effect: the mean difference in standard deviations of the differences, d.
         confidence: one minus the level of the two-sided test.
         power: the probability that the test sees the effect.
 

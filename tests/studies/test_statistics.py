@@ -198,7 +198,7 @@ def test_a_difference_of_normal_scores_is_as_in_closed_form() -> None:
 
 
 def test_runs_of_different_numbers_are_no_pairs() -> None:
-    with pytest.raises(ValueError, match=r"ours \[2\] and theirs \[3\] must be pairs"):
+    with pytest.raises(ValueError, match=r"ours \[2\] and theirs \[3\] must have the same"):
         paired_difference([1.0, 2.0], [1.0, 2.0, 3.0])
 
 

@@ -1,4 +1,4 @@
-"""The page in Markdown. Every number and every verdict in it comes from the results."""
+"""The text of docs/adaptive.md. Every number and verdict in it is computed from results."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _PAGE = """# What adaptive step sizes do
 
 The paper decreases α by a factor after each catch and finds that «the way we decrease α is too
 important». It leaves adaptive schemes for later. Here two adaptive step sizes and a constant α are
-compared with the paper's in its own experiment:
+compared with the paper's decaying α, in the paper's experiment:
 
 {in_short}
 `make adaptive` writes this page from result files; no number in it was typed by hand.
@@ -56,8 +56,8 @@ ObGD was made for networks that learn with traces and from every single step: it
 diverging. The same authors' recipe is Stream Q(λ) (`+experiment=stream_q`): a multilayer perceptron
 with normalised layers and sparse initial weights, Watkins' Q(λ) and λ = {stability_lam:g}. Here the
 perceptron has {widths} hidden units. ObGD is compared with a constant α, with α from
-{stability_lowest:g} to {stability_highest:g} and {stability_runs} seeds each, and the whole is
-repeated without normalised layers.
+{stability_lowest:g} to {stability_highest:g} and {stability_runs} seeds each. Then the comparison
+is repeated without normalised layers.
 
 ![Mean score of the perceptron against α](figures/stability.png)
 
@@ -65,15 +65,15 @@ repeated without normalised layers.
 
 
 def write_page(adaptive: Experiment, stability: Experiment) -> str:
-    """Return the page.
+    """Return the text of the page.
 
     Args:
         adaptive: the results of ``+experiment=adaptive``.
         stability: the results of ``+experiment=stability``.
 
     Raises:
-        NoResults: a combination of step size, α and λ is missing.
-        ValueError: there are too few seeds to halve them.
+        NoResults: if a combination of step size, α and λ is missing.
+        ValueError: if there are too few seeds for `choose_by_half`.
     """
     alphas, measure = sorted(adaptive.values("alpha")), MEASURES[MEASURE]
     papers = adaptive.where("step_size", PAPERS).jobs[0].settings
@@ -119,14 +119,14 @@ def write_page(adaptive: Experiment, stability: Experiment) -> str:
 
 @dataclass(frozen=True)
 class _Compared:
-    """Step sizes with one λ, and the differences of each from a reference.
+    """The scores of several step sizes with one λ, compared with those of a reference.
 
     Attributes:
-        reference: the step size that the others are compared with.
+        reference: the name of the step size that the others are compared with.
         runs: the number of runs of each job.
         schemes: the scores of all step sizes, by name.
-        at_best: each difference in score from the reference, both at their best α.
-        over_alphas: each difference in the mean score over all α.
+        at_best: each other step size's score minus the reference's, both at their best α, by name.
+        over_alphas: the same difference in the mean score over all α.
     """
 
     reference: str
@@ -171,7 +171,7 @@ def _in_short(compared: _Compared) -> str:
 
 
 def _grouped(told: Mapping[str, str]) -> str:
-    """Return the scores of step sizes in words, those with the same words together."""
+    """Return a clause for each group of step sizes whose scores have the same words."""
     parts = []
     for words in dict.fromkeys(told.values()):
         *others, last = [value_words(name) for name in told if told[name] == words]
@@ -234,7 +234,7 @@ def _diverged(schemes: Mapping[str, Scheme], runs: int) -> str:
 
 
 def _sentence(compared: _Compared, name: str) -> str:
-    """Return the conclusion on a step size."""
+    """Return a sentence that compares a step size with the reference."""
     reference = value_words(compared.reference)
     ours, theirs = (
         interval_words(compared.schemes[which].spread) for which in (name, compared.reference)
@@ -248,7 +248,7 @@ def _sentence(compared: _Compared, name: str) -> str:
 
 
 def _more_or_less(difference: Interval) -> str:
-    """Return a difference in words, after the verdicts of the reproduction."""
+    """Return a difference of scores in words, by the rules of `reproduction.verdicts.verdict`."""
     _, low, high = difference
     if verdict(low, high, Expected.SAME) is Verdict.HOLDS:
         return f"the same to within {MATTERS} catches"

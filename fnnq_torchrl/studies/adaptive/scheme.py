@@ -22,7 +22,8 @@ class Scheme:
     Attributes:
         before: the mean score of all runs before they learned.
         best_alpha: the best α by the first half of the seeds.
-        at_best, at_worst: the scores of the second half at the best α and at the worst, ``[runs]``.
+        at_best, at_worst: the scores of the second half of the seeds at the best α and at the worst
+            α, ``[runs]`` each.
         over_alphas: each run's mean score over all α, ``[runs]``. It is the expected score of an α
             drawn at random from the range.
         diverged: the number of diverged runs by α, with α rising.
@@ -42,11 +43,11 @@ class Scheme:
 
 
 def read_scheme(experiment: Experiment, step_size: str, lam: float) -> Scheme:
-    """Read the jobs of a step size, one for each α of the experiment.
+    """Return the scores of a step size with one λ, from one job for each α of the experiment.
 
     Raises:
-        NoResults: a job is missing, or has other seeds.
-        ValueError: there are too few runs to halve them.
+        NoResults: if a job is missing, or jobs have different seeds.
+        ValueError: if there are too few runs for `choose_by_half`.
     """
     alphas = sorted(experiment.values("alpha"))
     runs = same_seeds(experiment.jobs)
@@ -64,10 +65,12 @@ def read_scheme(experiment: Experiment, step_size: str, lam: float) -> Scheme:
 
 
 def held_back(experiment: Experiment, lam: float) -> list[float]:
-    """Return the α at which the α bound was below α in some step, and so changed the runs.
+    """Return each α whose runs with ``alpha_bound`` differ from the runs with a constant α.
+
+    They differ if the bound was below α in some step.
 
     Raises:
-        NoResults: a job is missing.
+        NoResults: if a job is missing.
     """
 
     def differ(alpha: float) -> bool:

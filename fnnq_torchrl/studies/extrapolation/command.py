@@ -33,13 +33,13 @@ def measure(experiment: Experiment) -> tuple[list[Findings], list[FirstSide]]:
     """Measure the runs of an experiment.
 
     Returns:
-        The findings on each value function with a decaying α, and what each with a constant α
-        still catches on its first side.
+        The findings on each value function that learned with a decaying α, and the catches on the
+        first side of each value function that learned with a constant α.
 
     Raises:
-        NoResults: a value function lacks its jobs with a decaying α or those with a constant α,
-            fnnq or mlp is missing, or an evaluation is missing (`Findings.of`).
-        OSError, ValueError: a file can't be read.
+        NoResults: if a value function has only jobs with a decaying α or only jobs with a constant
+            α, fnnq or mlp is missing, or `Findings.of` lacks an evaluation.
+        OSError, ValueError: if a file can't be read.
     """
     learners = [Learner.of(job) for job in experiment.jobs]
     constant = [each for each in learners if each.config.alpha_decay == 1]
@@ -47,7 +47,8 @@ def measure(experiment: Experiment) -> tuple[list[Findings], list[FirstSide]]:
     kinds = sorted(each.kind for each in decaying)
     if kinds != sorted({each.kind for each in constant} | {"fnnq", "mlp"}):
         raise NoResults(
-            f"{experiment.name} must have fnnq, mlp and any others with alpha_decay=1 and with less"
+            f"{experiment.name} needs fnnq and mlp, and each value function with alpha_decay=1 and "
+            "with a smaller alpha_decay"
         )
     findings = []
     for learner in decaying:
@@ -58,10 +59,10 @@ def measure(experiment: Experiment) -> tuple[list[Findings], list[FirstSide]]:
 
 @own_style()
 def write(findings: list[Findings], page: str, to: Path) -> None:
-    """Write the page and its figures, as PNG and SVG.
+    """Write the page, and its figures as PNG and SVG.
 
     Raises:
-        OSError: a file can't be written.
+        OSError: if a file can't be written.
     """
     pictures = to / "figures"
     pictures.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Conclusions from the intervals, in sentences."""
+"""The conclusions of docs/extrapolation.md, in sentences that follow from the intervals."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,26 +14,29 @@ from .forgetting import FirstSide
 from .playing import TESTS
 
 MOVES = 0.1
-"""The smallest movement of Q, per unit of the seen side, that counts as one. It is our choice."""
+"""The smallest movement, per unit of the seen side's, that counts as one; it is our choice."""
 
 CATCHES = 0.5
 """The smallest difference, in catches of all tests of a side, that matters. It is our choice."""
 
 
 def above(interval: Interval, bound: float) -> Verdict:
-    """Return the verdict on "more than a bound": all of the interval, none of it, or neither."""
+    """Return the verdict on the claim that a value is above a bound.
+
+    It holds if the whole interval is above the bound, fails if no part of it is, and else is open.
+    """
     if interval.low > bound:
         return Verdict.HOLDS
     return Verdict.FAILS if interval.high <= bound else Verdict.OPEN
 
 
 def moved(findings: Findings) -> Interval:
-    """Return the mean movement on the unseen side, per unit of the seen side."""
+    """Return the mean movement of Q on the unseen side, per unit of the seen side's."""
     return bootstrap_interval(np.mean, findings.moved_in(findings.where.unseen))
 
 
 def movement_words(interval: Interval) -> str:
-    """Return a movement of Q in words, which follow "its Q"."""
+    """Return a movement of Q in words that continue a sentence after "its Q"."""
     if interval.high < MOVES:
         return "stayed where it was"
     if interval.low >= 1:
@@ -46,7 +49,7 @@ def movement_words(interval: Interval) -> str:
 
 
 def difference_words(interval: Interval, more: str, less: str) -> str:
-    """Return a difference in catches in words: more, less, none that matters, or unknown."""
+    """Return a difference in catches in words, which are ``more`` or ``less`` if it matters."""
     if interval.low >= CATCHES:
         return more
     if interval.high <= -CATCHES:
@@ -57,10 +60,10 @@ def difference_words(interval: Interval, more: str, less: str) -> str:
 
 
 def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
-    """Return the conclusions, one line each.
+    """Return the conclusions, each one line in Markdown.
 
-    They are on the paper's two claims, on the network whose Q moves farther, and for each value
-    function on what the movement does to catching.
+    They judge the paper's two claims, name the network whose Q moves farther, and say for each
+    value function whether its Q in unseen states helps to catch.
     """
     local, other = by_kind["fnnq"], by_kind["mlp"]
     of_local, of_other = moved(local), moved(other)
@@ -108,7 +111,10 @@ def forgetting_conclusion(constant: Sequence[FirstSide]) -> str:
 
 
 def _pairs(one: Findings, other: Findings) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return both movements on the unseen side, for the seeds that diverged in neither."""
+    """Return two value functions' movements on the unseen side, ``[seeds]`` each.
+
+    They are of the seeds that diverged with neither.
+    """
     seeds, others = (findings.sound.snapshots.seed.numpy() for findings in (one, other))
     return (
         one.moved_in(one.where.unseen)[np.isin(seeds, others)],

@@ -29,7 +29,7 @@ ACTIONS = torch.linspace(-1, 1, 5)
 """The actions Δv of the updates whose interference is measured."""
 
 FAR_RAD = 0.5
-"""The distance from which on the interference is averaged to one number."""
+"""Interference at this distance or a larger one is averaged to a single number."""
 
 Numbers = NDArray[np.float64]
 
@@ -45,25 +45,25 @@ class Findings:
         learner: all runs.
         sound: the runs that never diverged.
         where: the regions of `.movement.STATES`: seen, unseen, and beyond the field of view.
-        moved: the movement of Q after the first side, per unit of the seen side (`movement`),
-            ``[runs, states]``.
+        moved: the movement of Q while the first side was learned, per unit of the seen side's
+            (`movement`), ``[runs, states]``.
         values: V before learning, after the first side and after the second, ``[runs, 3, states]``.
-        beyond: the change of the greedy action beyond the field of view, on the seen side and on
-            the other, ``[runs, 2]``, in units of Δv.
+        beyond: the change of the greedy action from the edge of the field of view to beyond it, on
+            the seen side and on the other, ``[runs, 2]``, in units of Δv.
         towards: the share of the seen states, and of the unseen states, where the greedy action
             turns towards the ball after the first side, ``[runs, 2]``.
-        caught: the catches before learning, after the first side and after the second, in the tests
-            of the side learned first and of the other, ``[runs, 3, 2]``.
+        caught: the catches before learning, after the first side and after the second (dimension
+            1), in the tests of the first side and of the second (dimension 2), ``[runs, 3, 2]``.
         control: the catches in the other side's tests after the first side, with random actions
             where nothing was seen, ``[runs]``.
-        hidden: the share of the states visited on the first side that lie farther to the right than
-            the head sees, ``[runs]``.
-        would_see: the shares to the right of straight ahead, and farther to the right than the head
-            sees, if the head saw both sides, ``[runs, 2]``.
-        spread: the interference by distance after each of `INTERFERENCE_AFTER`, with the α of the
-            start, ``[runs, 3, distances]``.
-        spread_decayed: the interference after the last of them, with `decayed_alpha`,
-            ``[runs, distances]``.
+        hidden: the share of the states visited while the first side was learned that lie on the
+            unseen side, ``[runs]``.
+        would_see: the shares of visited states to the right of straight ahead, and on the unseen
+            side, if the head saw both sides, ``[runs, 2]``.
+        spread: the interference by distance after each of `INTERFERENCE_AFTER`, with the initial α,
+            ``[runs, 3, distances]``.
+        spread_decayed: the interference by distance after the last of `INTERFERENCE_AFTER`, with
+            `decayed_alpha`, ``[runs, distances]``.
     """
 
     learner: Learner
@@ -85,7 +85,8 @@ class Findings:
         """Measure the runs.
 
         Raises:
-            NoResults: there is no evaluation at the switch, or at one of `INTERFERENCE_AFTER`.
+            NoResults: if there is no evaluation at the switch, at the end or after one of
+                `INTERFERENCE_AFTER`, or if all runs diverged.
         """
         config, sound = learner.config, learner.sound()
         pages = [
@@ -117,13 +118,16 @@ class Findings:
         return self.learner.kind
 
     def moved_in(self, region: NDArray[np.bool_]) -> Numbers:
-        """Return the mean movement over some of the states, ``[runs]``."""
+        """Return the mean movement over the states of a region, ``[runs]``."""
         mean: Numbers = self.moved[:, region].mean(axis=1)
         return mean
 
     @property
     def helped(self) -> Numbers:
-        """The catches on the other side that are due to Q where nothing was seen, ``[runs]``."""
+        """The catches on the second side that are due to Q in unseen states, ``[runs]``.
+
+        This is the difference between the tests after the first side and their `control`.
+        """
         return self.caught[:, 1, 1] - self.control
 
     @property
@@ -135,12 +139,12 @@ class Findings:
     def far(self) -> tuple[Numbers, Numbers]:
         """The interference at `FAR_RAD` or more, after the last of `INTERFERENCE_AFTER`.
 
-        The first is with the α of the start, the second with `decayed_alpha`; each ``[runs]``.
+        The first array is with the initial α, the second with `decayed_alpha`; ``[runs]`` each.
         """
         far = distances() >= FAR_RAD
         return self.spread[:, -1, far].mean(axis=1), self.spread_decayed[:, far].mean(axis=1)
 
 
 def decayed_alpha(config: Config) -> float:
-    """Return the smallest possible α after the last of `INTERFERENCE_AFTER`: after catches only."""
+    """Return α after the last of `INTERFERENCE_AFTER` if every situation ended in a catch."""
     return float(config.alpha * config.alpha_decay ** INTERFERENCE_AFTER[-1])

@@ -20,7 +20,7 @@ class FirstSide:
         kind: the kind of value function.
         caught: catches in the first side's tests, after the first side and after the second,
             ``[runs, 2]``.
-        diverged: whether a run had diverged by then, ``[runs, 2]``.
+        diverged: True for each run that had diverged by that moment, ``[runs, 2]``.
     """
 
     kind: str
@@ -29,14 +29,14 @@ class FirstSide:
 
     @classmethod
     def of(cls, learner: Learner, caught: Numbers | None = None) -> Self:
-        """Let the runs play the first side's tests.
+        """Return the catches of some runs in the first side's tests.
 
         Args:
             learner: the runs.
-            caught: their catches, if they are known already.
+            caught: their catches, ``[runs, 2]``, if known; otherwise the runs play the tests.
 
         Raises:
-            NoResults: there is no evaluation after a side.
+            NoResults: if there is no evaluation after the first side or after the second.
         """
         moments = (learner.config.env.switch_side_after, learner.config.situations)
         pages = [learner.page(situations) for situations in moments]
@@ -46,9 +46,9 @@ class FirstSide:
 
     @property
     def kept(self) -> Numbers:
-        """The catches that learning the second side added or, below 0, cost, ``[runs]``.
+        """The change in catches while the second side was learned, ``[runs]``; negative is a loss.
 
-        Runs that had diverged before are left out: they have nothing to forget.
+        Runs that diverged on the first side are left out: they have nothing to forget.
         """
         change: Numbers = (self.caught[:, 1] - self.caught[:, 0])[~self.diverged[:, 0]]
         return change

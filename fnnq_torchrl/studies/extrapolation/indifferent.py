@@ -1,4 +1,4 @@
-"""A value function that prefers no action where nothing was seen: the control of the study."""
+"""A value function that prefers no action in unseen states: the control of the study."""
 
 from torch import Tensor, where
 
@@ -6,13 +6,13 @@ from fnnq_torchrl.agent.values import ValueNetwork
 
 
 class IndifferentWhereUnseen(ValueNetwork):
-    """Another network's Q where states were seen, and 0 for every action elsewhere.
+    """Another network's Q in seen states, and 0 for every action in unseen states.
 
-    There the greedy policy draws an action at random.
+    So the greedy policy draws its action at random in unseen states.
 
     Args:
         network: the other network, which observes the bearing.
-        edge_rad: the edge of the seen states; smaller bearings Δθ were not seen.
+        edge_rad: the edge of the seen states; smaller bearings Δθ are unseen.
     """
 
     def __init__(self, network: ValueNetwork, edge_rad: float) -> None:

@@ -9,18 +9,18 @@ from .learners import Learner, Weights
 
 SPACING_RAD = 0.05
 FARTHEST_RAD = 1.0
-"""The largest distance of two states; distances begin at 0, in steps of the spacing."""
+"""The largest distance of two states; distances go up from 0 in steps of `SPACING_RAD`."""
 
 Numbers = NDArray[np.float64]
 
 
 def distances() -> Numbers:
-    """|s − s′| in rad, ``[distances]``."""
+    """Return the distances |s − s′| in rad, ``[distances]``."""
     return np.linspace(0, FARTHEST_RAD, round(FARTHEST_RAD / SPACING_RAD) + 1)
 
 
 def interference(learner: Learner, page: int, actions: Tensor, alpha: float) -> Numbers:
-    """|ΔQ(s′, a)| / |ΔQ(s, a)| after one update at (s, a), by the distance of s′ from s.
+    """Return |ΔQ(s′, a)| / |ΔQ(s, a)| after one update at (s, a), by the distance of s′ from s.
 
     The update is that of plain Q-learning with an error of one: Δw = α∇Q(s, a). Q is evaluated
     before and after it, so nothing is linearised. s is on a grid over the seen states, s′ on a grid
@@ -33,7 +33,7 @@ def interference(learner: Learner, page: int, actions: Tensor, alpha: float) -> 
         alpha: α of the update. It makes no difference where Q is linear in its weights.
 
     Returns:
-        ``[runs, distances]``, the mean over a and over all s and s′ at that distance.
+        The ratio, ``[runs, distances]``: the mean over a and all pairs s, s′ at each distance.
     """
     world = learner.config.env
     view = round(world.field_of_view_rad / SPACING_RAD)
@@ -65,7 +65,8 @@ def _updated(
     """Return the weights after one update of every run: w + α∇Q(s, a)."""
     leaves = {name: weight.clone().requires_grad_() for name, weight in weights.items()}
     with torch.enable_grad():
-        # No run's Q depends on another run's weights, so the sum's gradient is each run's own.
+        # A run's Q depends on its own weights alone, so the gradient of the sum over the runs is
+        # each run's gradient.
         total = learner.values(leaves, bearing_rad, action.view(1)).sum()
         slopes = torch.autograd.grad(total, list(leaves.values()))
     pairs = zip(weights.items(), slopes, strict=True)

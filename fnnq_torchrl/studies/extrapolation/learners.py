@@ -1,4 +1,4 @@
-"""The runs of a job at each of its evaluations: Q(s, a) from the weights in snapshots.pt."""
+"""Q(s, a) of a job's runs at each evaluation, from the weights in snapshots.pt."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -28,7 +28,7 @@ class Learner:
     The left is called the seen side.
 
     Raises:
-        NoResults: on creation, if the runs didn't begin on the left alone, or never switched.
+        NoResults: if the runs didn't begin on the left alone, or never switched.
     """
 
     config: Config
@@ -49,19 +49,19 @@ class Learner:
         """Read the runs of a job from its snapshots.
 
         Raises:
-            NoResults: there are no snapshots, or they are of another experiment.
-            OSError, ValueError: the snapshots can't be read.
+            NoResults: if there are no snapshots, or the job is of another experiment.
+            OSError, ValueError: if the snapshots can't be read.
         """
         path = job.directory / SNAPSHOTS
         if not path.exists():
-            raise NoResults(f"{path} isn't there: checkpoint.snapshots=true leaves it")
+            raise NoResults(f"{path} is missing; training with checkpoint.snapshots=true writes it")
         return cls(job.config, load_snapshots(path), job.evaluations.diverged)
 
     def sound(self) -> Self:
-        """Return the runs that never diverged. The Q of the others says nothing.
+        """Return the runs that never diverged. The Q of a diverged run has no meaning.
 
         Raises:
-            NoResults: all runs diverged.
+            NoResults: if all runs diverged.
         """
         never = ~self.diverged.any(axis=1)
         if not never.any():
@@ -90,7 +90,7 @@ class Learner:
 
     @cached_property
     def network(self) -> ValueNetwork:
-        """The value function of a single run, which can be called with the weights of many runs."""
+        """The value function, made for one run. `values` calls it with the weights of all runs."""
         dtype = getattr(torch, self.config.machine.dtype)
         return make_value_network(self.config.value, make_candidates(self.config, dtype), runs=1)
 
@@ -98,7 +98,7 @@ class Learner:
         """Return the index of the evaluation after a number of situations.
 
         Raises:
-            NoResults: there is none.
+            NoResults: if there is no such evaluation.
         """
         pages = (self.snapshots.situations == situations).nonzero().flatten().tolist()
         if len(pages) != 1:

@@ -1,4 +1,4 @@
-"""The movement of Q where states were seen, where none were, and beyond the field of view."""
+"""The movement of Q in seen states, in unseen states, and beyond the field of view."""
 
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ class Regions(NamedTuple):
 
 
 def regions(learner: Learner) -> Regions:
-    """Return the regions by what the head saw while learning on the left."""
+    """Return the regions, given by the field of view while learning on the left."""
     state, world = STATES.double().numpy(), learner.config.env
     view, other = world.field_of_view_rad, min(world.other_view_rad, world.field_of_view_rad)
     tiny = 1e-6  # the grid is in single precision
@@ -39,16 +39,18 @@ def regions(learner: Learner) -> Regions:
 
 
 def movement(learner: Learner, page: int) -> Numbers:
-    """Return the distance of Q from its start, per unit of its mean over the seen states.
+    """Return the distance of Q from Q before learning, per unit of the mean over seen states.
 
         m(s) = √(meanₐ(Q(s, a) − Q₀(s, a))²),   m(s) / (mean of m over the seen states)
+
+    meanₐ is the mean over the candidate actions.
 
     Args:
         learner: the runs.
         page: the index of the evaluation.
 
     Returns:
-        The movement at `STATES`, ``[runs, states]``. The mean is over the candidate actions a.
+        The movement at `STATES`, ``[runs, states]``.
     """
     now, start = (learner.values(learner.weights(which), STATES) for which in (page, 0))
     moved = (now - start).double().square().mean(-1).sqrt().numpy()
@@ -67,8 +69,8 @@ def towards_the_ball(learner: Learner, page: int) -> tuple[Numbers, Numbers]:
     """Return the shares of states where the greedy action turns the robot towards the ball.
 
     Returns:
-        The share of the seen states except straight ahead, and of the unseen states, ``[runs]``
-        each.
+        The share of the seen states, without straight ahead, and the share of the unseen states,
+        ``[runs]`` each.
     """
     where = regions(learner)
     # A positive Δv turns right, away from a ball at a positive Δθ.
@@ -78,10 +80,10 @@ def towards_the_ball(learner: Learner, page: int) -> tuple[Numbers, Numbers]:
 
 
 def greedy_change_beyond(learner: Learner, page: int) -> tuple[Numbers, Numbers]:
-    """Return the change of the greedy action beyond the field of view from that at its edge.
+    """Return the change of the greedy action from the edge of the field of view to beyond it.
 
     Returns:
-        The mean difference |Δv − Δv(edge)| over the states beyond, on the seen side and on the
+        The mean of |Δv − Δv(edge)| over the states beyond the edge, on the seen side and on the
         other, ``[runs]`` each.
     """
     where = regions(learner)

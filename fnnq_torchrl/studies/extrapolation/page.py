@@ -1,4 +1,4 @@
-"""The page in Markdown. Every number in it comes from the results."""
+"""The text of docs/extrapolation.md. Every number in it is computed from results."""
 
 from collections.abc import Iterable, Sequence
 
@@ -22,9 +22,9 @@ from .step_sizes import best_steps, step_words
 _PAGE = """# Does it extrapolate?
 
 The paper says that its fuzzy neural network, a local approximator, doesn't extrapolate into parts
-of the space that it hasn't seen, or does so less than a multilayer perceptron. It gives no
-experiment. This is one, over {runs} seeds of each value function. Movement is per unit of the
-movement where states were seen.
+of the space that it hasn't seen, or does so less than a multilayer perceptron. The paper gives no
+experiment. This page has one, over {runs} seeds of each value function. Movement is given per unit
+of the movement where states were seen.
 
 {conclusions}
 
@@ -43,28 +43,29 @@ movement where states were seen.
   the head saw less, the robot couldn't tell on which side it has lost the ball.
 * *Learning on the right.* For {then} more situations all is mirrored: the unseen side is seen, and
   the far left is not. α goes on from where it was: at × {decay:g} a catch, it is down to
-  {decayed:.2g} of its start after {switch} catches. So less is learned here, and forgotten, than
-  with a larger α. Therefore everything is repeated with a constant α, which has the same start.
+  {decayed:.2g} of its initial value after {switch} catches. So less is learned, and less is
+  forgotten, than with a larger α. Therefore everything is repeated with a constant α of the same
+  initial value.
 * *Movement* of Q at a state is √(meanₐ(Q − Q₀)²), where Q₀ is Q before learning and a are the
-  candidate actions. It is given per unit of its mean over the seen states, evenly from −{other:g}
-  to {view:g} rad.
+  candidate actions. It is given per unit of its mean over the seen states, which are evenly spaced
+  from −{other:g} to {view:g} rad.
 * *Catches* are those of the greedy policy in {tests} tests on each side: φ₀ of {angles} rad on the
   left, and mirrored on the right, each with ω_b of {speeds} rad/s. In the tests the head sees both
   sides. A robot that loses the ball to the unseen side may find it again by chance. So there is a
   *control*: the same policy, but with random actions in all states that were not seen.
 * *Interference* is |ΔQ(s′, a)|/|ΔQ(s, a)| after a single update of plain Q-learning at (s, a), with
-  an error of one and the α of the start. s is evenly spaced over the seen states and s′ over all
+  an error of one and the initial α. s is evenly spaced over the seen states and s′ over all
   states; a is −1, −0.5, 0, 0.5 and 1. α makes no difference where Q is linear in its weights. For
   the other value functions interference was measured with a decreased α, too.
 * All other settings are the defaults. Brackets are {confidence:g} % bootstrap intervals (BCa) over
-  the seeds, and each interval stands for itself. If Q moved by less than {moves:g} of the seen
+  the seeds, not corrected for their number. If Q moved by less than {moves:g} of the seen
   side's movement, it *stayed where it was*. A difference of fewer than {catches:g} catches *doesn't
   matter*. Both bounds are our choice.
 
 ## Step sizes
 
-Unless a remark says otherwise, each value function has the step size α that was best on the
-ordinary task, by the mean score of five (`+experiment=value_functions`, {sweep_runs:,} seeds
+Unless a remark says otherwise, each value function has the step size α with the best mean score,
+out of five, on the ordinary task (`+experiment=value_functions`, {sweep_runs:,} seeds
 each{disjoint}). The first half of those seeds chooses the best α, and the second half gives its
 score:
 
@@ -98,9 +99,9 @@ With a constant α instead:
 {spread}
 ## Was nothing seen?
 
-The robot may see the ball on the other side than that on which it starts, because it turns past the
-ball. So every fourth snapshot played the situation that came next, exploring as it did while
-learning: once with the head that it learned with, and once with a head that sees both sides.
+The ball starts on one side, but the robot may turn past it and see it on the other. So every fourth
+snapshot played the situation that came next, exploring as in learning: once with the head that it
+learned with, and once with a head that sees both sides.
 
 {seen}
 """
@@ -109,15 +110,15 @@ learning: once with the head that it learned with, and once with a head that see
 def write_page(
     findings: Sequence[Findings], constant: Sequence[FirstSide], sweep: Experiment
 ) -> str:
-    """Return the page.
+    """Return the text of the page.
 
     Args:
         findings: the measurements on each value function.
         constant: the catches on the first side of each value function with a constant α.
-        sweep: the sweep of their step sizes on the ordinary task.
+        sweep: the sweep over value functions and step sizes on the ordinary task.
 
     Raises:
-        NoResults: the sweep lacks a value function.
+        NoResults: if the sweep lacks a value function.
     """
     by_kind = {each.kind: each for each in findings}
     first = findings[0].learner.config
@@ -170,10 +171,10 @@ def _steps(learners: Iterable[Learner], sweep: Experiment) -> str:
 
 
 def _disjoint(findings: Sequence[Findings], sweep: Experiment) -> str:
-    """Return a remark if no seed that chose α is among those that it is used for."""
+    """Return a remark if no seed of the sweep is a seed of the findings, else an empty text."""
     chosen = {int(seed) for job in sweep.jobs for seed in job.evaluations.seed}
     used = {int(seed) for each in findings for seed in each.learner.snapshots.seed}
-    return "" if chosen & used else ", others than in what follows"
+    return "" if chosen & used else ", none of them used below"
 
 
 def _diverged(
@@ -183,9 +184,9 @@ def _diverged(
     here = sum(int(diverged.any(axis=1).sum()) for diverged in runs)
     there = sum(job.evaluations.diverged_runs for job in sweep.jobs)
     return (
-        f"Runs that diverged: {here} in what follows, {there} in the sweep. From then on such a "
-        "run catches nothing, and its Q is not measured. If it diverged on the first side, it is "
-        "left out of what is forgotten."
+        f"Runs that diverged: {here} below, {there} in the sweep. A diverged run catches nothing "
+        "from then on, and its Q is not measured. Forgetting is measured over the runs that had "
+        "not diverged on the first side."
     )
 
 
@@ -217,7 +218,7 @@ def _movement(findings: Sequence[Findings]) -> str:
 
 
 def _outermost(learner: Learner) -> str:
-    """Return a sentence on the share of the outermost label at the edge of the seen side."""
+    """Return a sentence on the outermost label's firing share at the edge of the seen side."""
     labels = learner.config.value.inputs["bearing"]
     centres, seconds = torch.tensor(labels, dtype=torch.float64).T
     widths = [rule_width(float(second), learner.config.value.width) for second in seconds]

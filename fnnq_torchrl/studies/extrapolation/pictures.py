@@ -1,4 +1,4 @@
-"""The page's figures."""
+"""The figures of docs/extrapolation.md."""
 
 from collections.abc import Callable, Mapping
 
@@ -73,7 +73,7 @@ def movement_figure(by_kind: ByKind) -> Figure:
 
 
 def interference_figure(by_kind: ByKind) -> Figure:
-    """Draw the interference against the distance of two states, at some moments of learning."""
+    """Draw the interference against the distance of two states, after `INTERFERENCE_AFTER`."""
     figure = new_figure(
         3.4 * len(INTERFERENCE_AFTER) + 1,
         4,

@@ -1,4 +1,4 @@
-"""The policies of the snapshots in the world: catches on either side, and visited states."""
+"""The policies of the snapshots, played in the world: their catches and the states they visit."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -45,15 +45,16 @@ def starts(side: int) -> Tensor:
 def catches(
     learner: Learner, pages: Sequence[int], side: int, *, indifferent: bool = False
 ) -> Numbers:
-    """Return the number of a side's tests that the greedy policy ends in a catch.
+    """Return the number of catches of the greedy policy in the tests of a side.
 
     In the tests the head sees both sides.
 
     Args:
         learner: the runs.
-        pages: the indices of the evaluations whose weights play.
+        pages: the indices of the evaluations whose weights are tested.
         side: 1 for the left, where learning began, −1 for the right.
-        indifferent: whether actions are random where nothing was seen while learning on the left.
+        indifferent: True for random actions in the states that were not seen while learning on the
+            left.
 
     Returns:
         The catches, ``[runs, pages]``; 0 for a run that has diverged.
@@ -83,15 +84,15 @@ def catches(
 
 @torch.no_grad()
 def shares_beyond(learner: Learner, edges_rad: Sequence[float], whole_view: bool) -> Numbers:
-    """Return the shares of the states visited in learning on the left that lie right of edges.
+    """Return the shares of the states visited on the left that lie to the right of given edges.
 
-    Every fourth snapshot up to the switch plays the situation that came next, from the same start
-    and with the same random numbers and exploration, but without learning.
+    Every fourth snapshot before the switch plays the situation that came next in learning, from the
+    same start and with the same random numbers and exploration, but without learning.
 
     Args:
-        learner: the runs, whose policies explore as they did while learning.
+        learner: the runs.
         edges_rad: the edges; a state counts if its Δθ is below the edge.
-        whole_view: whether the head sees both sides, or only what it saw while learning.
+        whole_view: True if the head sees both sides, False if it sees what it saw while learning.
 
     Returns:
         The shares, ``[runs, edges]``.
@@ -113,7 +114,7 @@ def shares_beyond(learner: Learner, edges_rad: Sequence[float], whole_view: bool
     )
     amount = torch.full_like(state["bearing"], exploring)
     goes_on = torch.ones_like(state["bearing"], dtype=torch.bool)
-    edges = torch.tensor([*edges_rad, torch.inf])  # every state is below the last edge
+    edges = torch.tensor([*edges_rad, torch.inf])  # the infinite edge counts all states
     visits = torch.zeros(lanes, len(edges))
     for _ in range(world.time_limit_steps):
         visits += goes_on & (state["bearing"] < edges)

@@ -16,7 +16,7 @@ class BestStep:
     Attributes:
         alpha: the α with the highest mean score over the first half of the seeds.
         score: the mean score with that α over the second half, in catches, with its interval.
-        among: all α that were tried, rising.
+        among: all α that were tried, in rising order.
     """
 
     alpha: float
@@ -25,15 +25,15 @@ class BestStep:
 
     @property
     def inside(self) -> bool:
-        """Return whether the best α is neither the smallest nor the largest that was tried."""
+        """True if the best α is neither the smallest nor the largest that was tried."""
         return self.among[0] < self.alpha < self.among[-1]
 
 
 def best_steps(sweep: Experiment) -> dict[str, BestStep]:
-    """Return the best step size of each kind of value function in a sweep over both.
+    """Return the best step size of each kind of value function, from a sweep over kinds and α.
 
     Raises:
-        ValueError: there are too few seeds for `choose_by_half`.
+        ValueError: if there are too few seeds for `choose_by_half`.
     """
     found = {}
     for kind in sweep.values("value.kind"):
@@ -46,10 +46,12 @@ def best_steps(sweep: Experiment) -> dict[str, BestStep]:
 
 
 def step_words(found: dict[str, BestStep], kind: str, alpha: float) -> list[str]:
-    """Return a table row on a step size: the α used, the best α, its score, and a remark.
+    """Return a table row on the step size of a value function.
+
+    Its cells are the kind, the α used, the best α, the range tried, the best α's score and remarks.
 
     Raises:
-        NoResults: the sweep lacks this value function.
+        NoResults: if the sweep lacks this value function.
     """
     if kind not in found:
         raise NoResults(f"the sweep value_functions has no {kind}")

@@ -11,7 +11,7 @@ from .gallery import FIGURES, draw
 
 
 def main() -> None:
-    """Run the command. A mistake in its arguments is one line on stderr and exit status 2."""
+    """Run the command. An error is one line on stderr and exit status 1, or 2 for bad arguments."""
     parser = OneLineParser("python -m fnnq_torchrl.figures", description=__doc__)
     parser.add_argument(
         "names",

@@ -1,4 +1,4 @@
-"""The learning curves of an experiment."""
+"""A figure of an experiment's learning curves."""
 
 from matplotlib.figure import Figure
 
@@ -10,7 +10,7 @@ from fnnq_torchrl.training.score import Score
 
 
 def experiment_curves_figure(experiment: Experiment, key: str) -> Figure:
-    """Draw a curve and a band for each job of an experiment that varies one key."""
+    """Draw the learning curve and band of each job of an experiment that varies one key."""
     curves = [
         Curve(
             setting_words(key, job.settings[key]),

@@ -1,4 +1,4 @@
-"""A measure of the runs of every job, one row below the other."""
+"""A figure of one measure, with a row for each job."""
 
 from collections.abc import Callable
 
@@ -28,13 +28,13 @@ RowWords = Callable[[Experiment, Job, str | None], str]
 def dots_figure(
     experiment: Experiment, measure: str, colours: str | None = None, words: RowWords = job_words
 ) -> Figure:
-    """Draw each job's mean, its interval, and its interquartile mean.
+    """Draw each job's mean of a measure, its interval, and the interquartile mean.
 
     Args:
         experiment: the jobs to draw.
         measure: a name in :data:`fnnq_torchrl.studies.measures.MEASURES`.
-        colours: a key whose values have a colour each, and share the rows.
-        words: returns the name of a job's row.
+        colours: a key whose values have different colours; jobs that differ in it share a row.
+        words: a function that returns the name of a job's row.
     """
     rows = list(dict.fromkeys(words(experiment, job, colours) for job in experiment.jobs))
     hues = experiment.values(colours) if colours else [None]

@@ -56,14 +56,14 @@ def draw(experiments: Mapping[str, Experiment], pictures: Path) -> list[Path]:
 
     Args:
         experiments: the experiment to draw for each figure, by the figures' names.
-        pictures: the directory to write to, which is made if it doesn't exist.
+        pictures: the directory to write to; it is made if it doesn't exist.
 
     Returns:
         The files written.
 
     Raises:
-        NoResults: an experiment lacks a job.
-        OSError: a file can't be written.
+        NoResults: if an experiment lacks a job.
+        OSError: if a file can't be written.
     """
     pictures.mkdir(parents=True, exist_ok=True)
     written = []

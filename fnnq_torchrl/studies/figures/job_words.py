@@ -6,11 +6,11 @@ from fnnq_torchrl.training.pictures.words import setting_words
 
 
 def job_words(experiment: Experiment, job: Job, without: str | None = None) -> str:
-    """Return the settings that tell a job from the others of its experiment, in words.
+    """Return the settings that distinguish a job from the others of its experiment, in words.
 
     Args:
         experiment: the experiment.
-        job: one of its jobs.
+        job: a job of the experiment.
         without: a key to leave out, because colours or an axis show it.
     """
     settings = job.settings
@@ -24,7 +24,13 @@ def job_words(experiment: Experiment, job: Job, without: str | None = None) -> s
 
 
 def change_words(experiment: Experiment, job: Job, without: str | None = None) -> str:
-    """Return a job's differences from its experiment's first job; "default" if there are none."""
+    """Return in words how a job differs from its experiment's first job, or "default".
+
+    Args:
+        experiment: the experiment.
+        job: a job of the experiment.
+        without: a key to leave out, because colours or an axis show it.
+    """
     first = experiment.jobs[0].settings
     changes = [
         setting_words(key, job.settings[key])

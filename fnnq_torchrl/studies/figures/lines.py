@@ -1,4 +1,4 @@
-"""A measure of the runs against one setting, with a line for each value of another."""
+"""A figure of measures against one setting, with a line for each value of another setting."""
 
 from collections.abc import Sequence
 from itertools import cycle, product
@@ -30,17 +30,17 @@ INTERVAL = f"{100 * CONFIDENCE:g} % bootstrap interval"
 def lines_figure(
     experiment: Experiment, x: str, lines: str, measures: Sequence[str], panels: str | None = None
 ) -> Figure:
-    """Draw a panel for each measure, its mean over the runs with a band.
+    """Draw a panel for each measure: lines of its mean over the runs, with bands.
 
     Args:
-        experiment: has a job for each combination of the keys.
-        x: the key along the axis.
-        lines: the key that has a line for each of its values.
+        experiment: the experiment, which has a job for each combination of the keys' values.
+        x: the key on the horizontal axis.
+        lines: the key whose values have a line each.
         measures: names in :data:`fnnq_torchrl.studies.measures.MEASURES`.
-        panels: a key that has panels of its own for each of its values.
+        panels: a key whose values have separate panels.
 
     Raises:
-        NoResults: a combination is missing.
+        NoResults: if a combination is missing.
     """
     names = " and ".join(MEASURES[name].words.partition(" (")[0] for name in measures)
     over = count_words([experiment.runs])
@@ -74,13 +74,13 @@ def lines_figure(
 
 
 def means(experiment: Experiment, x: str, lines: str, measure: str) -> NDArray[np.float64]:
-    """A measure's means over the runs and the bounds of their intervals.
+    """Return a measure's means over the runs, and the bounds of their intervals.
 
     Returns:
-        Mean, low and high, ``[3, lines, values of x]``, with x rising.
+        The mean and both bounds, ``[3, lines, values of x]``, with x rising.
 
     Raises:
-        NoResults: a combination of the two keys is missing.
+        NoResults: if a combination of the two keys' values is missing.
     """
     jobs = [
         [experiment.job_with({x: value, lines: line}) for value in sorted(experiment.values(x))]
@@ -101,14 +101,14 @@ def draw_lines(
     found: NDArray[np.float64],
     shown: Limits,
 ) -> None:
-    """Draw one panel of :func:`lines_figure`, without the words beside its lines.
+    """Draw one panel of :func:`lines_figure`, without the labels of its lines.
 
     Args:
         axes: the panel.
         experiment: the panel's jobs.
-        x: the key along the axis.
+        x: the key on the horizontal axis.
         measure: the name of the measure.
-        found: what :func:`means` returns.
+        found: the means and bounds from :func:`means`.
         shown: the limits of the vertical axis; a value below them becomes a mark at the edge.
     """
     values = sorted(experiment.values(x))
@@ -120,7 +120,7 @@ def draw_lines(
         np.moveaxis(found, 1, 0), cycle(LINES), strict=False
     ):
         inside = mean >= shown.low
-        # The line ends at its last point inside the axis, because its label stands at its end.
+        # The label stands at the end of the line, so the line ends at its last visible point.
         upto = np.flatnonzero(inside)[-1] + 1
         line = np.where(inside, mean, np.nan)[:upto]
         axes.plot(places[:upto], line, style, color=colour, linewidth=1.4, marker="o", ms=3.5)

@@ -1,4 +1,4 @@
-"""Axis limits that a few outliers don't squeeze, and the marks that stand for the outliers."""
+"""Axis limits that leave out a few outliers, and marks at the edge in the outliers' places."""
 
 from typing import NamedTuple
 
@@ -8,16 +8,16 @@ from matplotlib.transforms import Transform
 from numpy.typing import ArrayLike
 
 FEW = 0.2
-"""Outliers are at most this share of the values."""
+"""The largest share of the values that may be outliers."""
 
 FAR = 2.5
-"""The outliers' distance from the other values, at least, in units of those values' range."""
+"""The smallest distance of outliers from the other values, in units of the others' range."""
 
 _MARGIN, _ROOM = 0.06, 0.16
-"""Margins of an axis, in its length; the latter where marks need room."""
+"""The margins of an axis, as shares of its range: the usual one, and one with room for marks."""
 
 CUT_OFF = "arrowhead: a mean beyond the axis, in figures"
-"""The words for a caption where `mark_below` or `mark_left` was used."""
+"""The caption's words for the marks of `mark_below` and `mark_left`."""
 
 
 class Limits(NamedTuple):
@@ -28,11 +28,11 @@ class Limits(NamedTuple):
 
 
 def limits(values: ArrayLike, lows: ArrayLike, highs: ArrayLike) -> Limits:
-    """Axis limits around values and their intervals, but for a few values far below the others.
+    """Return axis limits around values and their intervals, except a few values far below the rest.
 
     Args:
         values: estimates, of any shape.
-        lows, highs: the bounds of their intervals, shaped alike; NaN where there is none.
+        lows, highs: the bounds of the estimates' intervals, in the same shape; NaN if unknown.
 
     Returns:
         The limits, with a margin on either side.
@@ -49,7 +49,7 @@ def limits(values: ArrayLike, lows: ArrayLike, highs: ArrayLike) -> Limits:
 
 
 def _outliers(rising: np.ndarray) -> int:
-    """The number of values at the start that are few, and far from the others."""
+    """Return how many of the lowest values are outliers, given all values in rising order."""
     most = int(FEW * rising.size)
     for count in range(most, 0, -1):
         others = rising[count:]
@@ -59,12 +59,12 @@ def _outliers(rising: np.ndarray) -> int:
 
 
 def mark_below(axes: Axes, place: float, value: float, colour: str) -> None:
-    """Mark a value below the axis at its place: an arrowhead and the value in figures."""
+    """Mark a value that lies below the axis, by an arrowhead and the number at the lower edge."""
     _mark(axes, axes.get_xaxis_transform(), (place, 0.03), "v", (-7, 0), value, colour)
 
 
 def mark_left(axes: Axes, place: float, value: float, colour: str) -> None:
-    """Mark a value to the left of the axis in its row: an arrowhead and the value in figures."""
+    """Mark a value that lies left of the axis, by an arrowhead and the number at the left edge."""
     _mark(axes, axes.get_yaxis_transform(), (0.015, place), "<", (7, 0), value, colour)
 
 

@@ -1,4 +1,4 @@
-"""The two readings of step h side by side: ‖f‖², the effective step size, and the score."""
+"""A figure of ``trace=output`` beside ``trace=gradient``, the two readings of step h."""
 
 import numpy as np
 import torch
@@ -25,10 +25,10 @@ _GRID = 201
 
 
 def readings_figure(experiment: Experiment, measure: str = "mean_score") -> Figure:
-    """Draw three panels from an experiment that varies ``trace`` and ``lam``.
+    """Draw ‖f‖², the effective step size and a measure, for an experiment on ``trace`` and ``lam``.
 
     Raises:
-        NoResults: a combination is missing.
+        NoResults: if a combination of the two keys' values is missing.
     """
     traces = experiment.values("trace")
     words = [setting_words("trace", trace) for trace in traces]
@@ -57,7 +57,7 @@ def readings_figure(experiment: Experiment, measure: str = "mean_score") -> Figu
 
 
 def norms(experiment: Experiment) -> np.ndarray:
-    """‖f‖² on a grid of bearings and actions, ``[actions, bearings]``."""
+    """Return ‖f‖² on a grid of bearings and actions, ``[actions, bearings]``."""
     settings = experiment.jobs[0].settings
     view_rad = settings["env.field_of_view_rad"]
     bearing = torch.linspace(-view_rad, view_rad, _GRID, dtype=torch.float64)
@@ -97,7 +97,7 @@ def _draw_steps(axes: Axes, experiment: Experiment, low: float, median: float) -
         )
         axes.plot(lam, at_median, color=colour, linewidth=1.4)
         dashed.append(np.stack([lam.numpy(), at_low], axis=1))
-    # Not among the axes' lines, each of which has a label.
+    # A collection, because `label_ends` expects a label for each of the axes' lines.
     colours = [colour for colour, _ in LINES[: len(dashed)]]
     axes.add_collection(LineCollection(dashed, colors=colours, linestyles="--", linewidths=1.4))
     for height, words in ((1, "overshoots"), (2, "ends farther off")):

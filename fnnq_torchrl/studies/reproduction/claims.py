@@ -20,7 +20,7 @@ class Expected(Enum):
 
 @dataclass(frozen=True)
 class Comparison:
-    """A measure of one configuration minus that of another, over the same seeds."""
+    """A claim on the measure of ``ours`` minus the measure of ``theirs``, over the same seeds."""
 
     measure: str  # a name in fnnq_torchrl.studies.measures.MEASURES
     ours: Settings

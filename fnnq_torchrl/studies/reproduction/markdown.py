@@ -8,11 +8,11 @@ from fnnq_torchrl.studies.statistics import Interval
 
 
 def interval_words(interval: Interval, signed: bool = False) -> str:
-    """Return "4.57 [4.42, 4.71]", or the value alone where its interval is unknown.
+    """Return a value with its interval, as "4.57 [4.42, 4.71]", or alone if that is unknown.
 
     Args:
-        interval: the interval of a score or of a difference.
-        signed: whether positive numbers have a sign too, as those of a difference.
+        interval: a score or a difference, with its interval.
+        signed: True to write a plus sign before positive numbers, as for a difference.
     """
     value, low, high = interval
     digits = 2 if not np.isfinite(low) or high - low > 0.05 else 3
@@ -22,6 +22,6 @@ def interval_words(interval: Interval, signed: bool = False) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table. Each row has as many cells as the head."""
+    """Return a table in Markdown. Each row has as many cells as the head."""
     lines = [head, ["---"] * len(head), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -1,4 +1,4 @@
-"""The page in Markdown. Every number in it comes from the results."""
+"""The text of docs/reproduction.md. Every number in it is computed from results."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ EXPERIMENTS = (
 """The experiments that the page is written from."""
 
 IN_SHORT = ("fig2", "fig3", "decay")
-"""The experiments with few runs that the claims can be judged from."""
+"""The experiments with few runs that are enough to judge the claims."""
 
 FIGURES = {
     "fig2": "fig2_large",
@@ -80,25 +80,25 @@ judged twice: over the first {PAPER_RUNS} seeds, as many as the paper had, and o
 * A *score* is the number of catches in an evaluation's five situations. Each run has four measures:
 {{measures}}
 * A claimed difference *holds* if its whole interval lies on the claimed side of 0. It holds,
-  *perhaps by less than {MATTERS} catches*, if a part of that interval is nearer to 0 than that. It
-  *does not hold* if the interval reaches to 0 or beyond, and has no value of {MATTERS} catches or
-  more on the claimed side.
+  *perhaps by less than {MATTERS} catches*, if a part of the interval is nearer to 0 than {MATTERS}
+  catches. It *does not hold* if the interval reaches to 0 or beyond, and has no value of {MATTERS}
+  catches or more on the claimed side.
 * A claim that two configurations are *the same* holds if the whole interval lies within ±{MATTERS}
-  catches, and does not hold if all of it lies outside. For the claim that one is *another* than
-  the other it is the opposite.
+  catches, and does not hold if all of it lies outside. The claim that they differ (*another* in the
+  tables) is judged the opposite way.
 * In all other cases the verdict is *can't be told*.
-* A claim of several differences is as good as the worst of them. It holds *in part* if some
+* A claim of several differences has the worst of their verdicts. It holds *in part* if some
   differences hold and others do not.
 * The {MATTERS} catches are our choice.
 * Brackets are {100 * CONFIDENCE:g} % bootstrap intervals: BCa, or percentiles beyond 1,000 runs.
   IQM is the interquartile mean. *d* is the mean difference in standard deviations of the runs'
   differences. *P* is the probability that a run of the first configuration scores more than a run
-  of the second; a draw counts half. *n* is the number of seeds with which such a difference is seen
-  with a probability of 80 %.
+  of the second; a draw counts half. *n* is the number of seeds with which a test sees such a
+  difference with a probability of 80 %.
 * Runs of the same seed have little in common. So the *d* of pairs is about the usual *d* of two
   groups, divided by √2.
-* Each interval stands for itself, and one in twenty misses. With {PAPER_RUNS} runs of scores that
-  can't pass five, the intervals are somewhat too narrow.
+* The intervals are not corrected for their number: one in twenty misses. Scores can't pass five, so
+  with {PAPER_RUNS} runs the intervals are somewhat too narrow.
 """
 
 _READINGS = """## What the two readings of step h do to λ
@@ -111,46 +111,48 @@ Step h of Table 1 says Tr(s, a) ← Tr(s, a) + 1. The trace is kept in a network
 so this can be read in two ways. With f = ∂Q(s, a)/∂w, here the normalised firing strengths of the
 rules, they are
 
-* *output*, the paper's letter: the trace network's output at (s, a) rises by one, e ← e + f/‖f‖²;
+* *output*, to the letter: the trace network's output at (s, a) rises by one, e ← e + f/‖f‖²;
 * *gradient*, as is usual today: e ← e + f.
 
 By *output*, an error δ that comes k steps after a pair (s, a) moves the pair's Q by αδ(γλ)ᵏ. By
-*gradient* it moves it by αδ(γλ)ᵏ‖f‖². The pair's own error δ′ (step g) moves its Q by αδ′‖f‖² under
-both. So an earlier pair weighs 1/‖f‖² times as much by *output* as by *gradient*. Where γλ > ‖f‖²,
-the same error even moves the pair before the present one *more* than the present pair. In a table
-‖f‖² = 1, and both readings are the same. Here rules overlap and share the firing strength:
+*gradient* the error moves this Q by αδ(γλ)ᵏ‖f‖². The pair's own error δ′ (step g) moves it by
+αδ′‖f‖² under both. So an earlier pair weighs 1/‖f‖² times as much by *output* as by *gradient*. If
+γλ > ‖f‖², the same error even moves the pair before the present one *more* than the present pair.
+In a table ‖f‖² = 1, and both readings are the same. Here rules overlap and share the firing
+strength:
 
-> Evenly over bearings and actions, ‖f‖² has the median {median:.2f}, and 90 % of its values lie
-> between {low:.2f} and {high:.2f}. It is smallest, {ahead:.2f}, near straight ahead, where a robot
-> that follows its ball sees it.
+> On an even grid of bearings and actions, ‖f‖² has the median {median:.2f}, and 90 % of its values
+> lie between {low:.2f} and {high:.2f}. It is smallest, {ahead:.2f}, near straight ahead, where a
+> robot that follows the ball sees it.
 
 From one step to the next the robot sees nearly the same. If it sees and does the same for long, the
-decayed trace settles at γλ/(1 − γλ) times what each step adds. A step then takes Q(s, a) towards
-its target by
+decayed trace settles at γλ/(1 − γλ) times the increment of a step. A step then takes Q(s, a)
+towards its target by the following share of the error, its *effective step size*:
 
     output:   α(‖f‖² + γλ/(1 − γλ))          gradient:   α‖f‖²/(1 − γλ)
 
-of the error. In a situation's last step the target, r, doesn't move: there a step beyond 1
-overshoots, and one beyond 2 leaves Q farther off than it was. In earlier steps the target moves
-along with Q. With α = {alpha:g} and γ = {gamma:g} these steps are
+In a situation's last step the target, r, doesn't move: a step size above 1 overshoots it, and one
+above 2 leaves Q farther off than it was. In earlier steps the target moves along with Q. With
+α = {alpha:g} and γ = {gamma:g} the effective step sizes are
 
 {steps}
-By *output* and where ‖f‖² is small, a small λ is much like a larger α, and a large λ steps beyond
-the target until α has decayed. By *gradient* the step stays in proportion to ‖f‖². That is
-arithmetic. The runs had these results, where a run that diverges catches nothing from then on:
+By *output*, where ‖f‖² is small, a small λ is much like a larger α, and a large λ steps beyond
+the target until α has decayed. By *gradient* the step stays in proportion to ‖f‖². So far this is
+arithmetic. In the experiment, where a run that diverges catches nothing from then on, the results
+were:
 
 {scores}
 """
 
 
 def write_page(experiments: Mapping[str, Experiment]) -> str:
-    """Return the page.
+    """Return the text of the page.
 
     Args:
         experiments: the results of `EXPERIMENTS`, by name.
 
     Raises:
-        NoResults: a comparison lacks its jobs.
+        NoResults: if a comparison lacks its jobs.
     """
     default = default_settings(experiments["fig3_large"], {"lam": 0.2})
     pool = Pool(default, experiments.values())
@@ -173,10 +175,10 @@ def verdicts_in_short(experiments: Mapping[str, Experiment]) -> list[tuple[str, 
     """Return each claim with its verdict and the differences behind the verdict, over all runs.
 
     Args:
-        experiments: the results of `IN_SHORT`, or of others with the same configurations.
+        experiments: the results by the names in `IN_SHORT`.
 
     Raises:
-        NoResults: a comparison lacks its jobs.
+        NoResults: if a comparison lacks its jobs.
     """
     pool = Pool(default_settings(experiments["fig3"], {"lam": 0.2}), experiments.values())
     rows = []
@@ -209,7 +211,7 @@ class _Judged:
 
     @property
     def most(self) -> int:
-        """The number of runs that all comparisons have."""
+        """The number of runs that every comparison has at least."""
         return min(each.runs for each in self.whole)
 
 
@@ -324,7 +326,7 @@ def _comparison(comparison: Comparison) -> str:
 
 
 def _elsewhere(pool: Pool, claim: Claim) -> str:
-    """Return the verdicts on a claim with choices other than the default ones."""
+    """Return a list of the verdicts on a claim, with each choice other than the default."""
     own = {key for each in claim.comparisons for key in (*each.ours, *each.theirs)}
     found: dict[Verdict, list[str]] = {each: [] for each in Verdict}
     seen: list[Settings] = []
@@ -464,7 +466,7 @@ def _rest(experiments: Mapping[str, Experiment]) -> str:
 
 
 def _highest(experiment: Experiment, measure: str, without: str | None = None) -> str:
-    """Return the job with the highest mean of a measure in words, and that mean."""
+    """Return in words the job with the highest mean of a measure, and this mean."""
     of = MEASURES[measure].of
     best = max(experiment.jobs, key=lambda job: of(job.evaluations).mean())
     mean = bootstrap_interval(np.mean, of(best.evaluations))
@@ -472,6 +474,6 @@ def _highest(experiment: Experiment, measure: str, without: str | None = None) -
 
 
 def _count(difference: Difference) -> str:
-    """Return the number of seeds that it takes to see a difference, if there is one."""
+    """Return the number of seeds needed to see a difference; a dash if the difference may be 0."""
     _, low, high = difference.mean
     return f"{difference.runs_needed:,.0f}" if low > 0 or high < 0 else "–"

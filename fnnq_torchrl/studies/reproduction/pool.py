@@ -1,4 +1,4 @@
-"""All jobs of several experiments, found by how they differ from the default configuration."""
+"""The jobs of several experiments, found by their differences from the default configuration."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ _NO_DIFFERENCE = ("num_seeds", "seed", *HOW_IT_RUNS)
 
 
 class Pool:
-    """The jobs of several experiments. Of jobs with the same settings the one with most runs stays.
+    """The jobs of several experiments; among jobs with equal settings, the one with most runs.
 
     Args:
         default: the settings of the default configuration.
@@ -34,7 +34,7 @@ class Pool:
         """Return the job that differs from the default in these settings and no others.
 
         Raises:
-            NoResults: there is none.
+            NoResults: if there is no such job.
         """
         found = self._jobs.get(_key({**self._default, **changes}))
         if found is None:
@@ -63,7 +63,7 @@ def default_settings(experiment: Experiment, changes: Settings) -> dict[str, Any
 
     Args:
         experiment: an experiment that varies some keys, and has the defaults for all others.
-        changes: the default values of the keys that it varies.
+        changes: the default values of the varied keys.
     """
     return {**experiment.jobs[0].settings, **changes}
 
@@ -72,7 +72,7 @@ def same_seeds(jobs: Sequence[Job]) -> int:
     """Return the number of runs of the smallest job, after checking that the seeds are the same.
 
     Raises:
-        NoResults: the seeds differ, so the jobs can't be compared run by run.
+        NoResults: if the seeds differ, so that the jobs can't be compared run by run.
     """
     runs = min(job.evaluations.runs for job in jobs)
     first = jobs[0].evaluations.seed[:runs]
@@ -83,7 +83,7 @@ def same_seeds(jobs: Sequence[Job]) -> int:
 
 
 def _key(settings: Settings) -> str:
-    """Return a text that is the same for jobs with the same settings; 0 and 0.0 are the same."""
+    """Return a text that is equal for equal settings; 0 and 0.0 are equal."""
     kept = {key: value for key, value in settings.items() if key not in _NO_DIFFERENCE}
     return repr(sorted((key, _plain(value)) for key, value in kept.items()))
 

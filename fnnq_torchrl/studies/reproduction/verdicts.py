@@ -1,4 +1,4 @@
-"""Verdicts on claims, over a number of runs, and over many samples of that number of runs."""
+"""Verdicts on claims, from all runs, from the first runs, and from many samples of the runs."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -50,12 +50,10 @@ class Compared:
 def verdict(low: float, high: float, expected: Expected) -> Verdict:
     """Return the verdict on an expected difference, from the confidence interval of the difference.
 
-    A difference matters if it is `MATTERS` or more.
-
-    * More: holds if the whole interval lies above 0, and barely if a part of it doesn't matter.
-      Fails if no part of the interval is above 0 and matters. Less is the mirror image.
-    * The same: holds if no part of the interval matters, fails if all of it matters. Another is the
-      opposite.
+    * MORE holds if the interval lies above 0, and holds barely if a part of it is below `MATTERS`.
+      It fails if the interval reaches 0 and lies below `MATTERS`. LESS is the mirror image.
+    * SAME holds if the interval lies within ±`MATTERS`, and fails if it lies wholly outside. OTHER
+      is the opposite.
 
     In all other cases, and if the interval is unknown (NaN), the verdict is open.
     """
@@ -79,10 +77,10 @@ def compare(pool: Pool, comparison: Comparison, also: Settings, runs: int | None
         pool: the jobs.
         comparison: the comparison to make.
         also: settings that both sides have in addition to their own.
-        runs: the number of runs; all runs that both sides have if None.
+        runs: the number of runs; None for all runs that both sides have.
 
     Raises:
-        NoResults: a job is missing, or has fewer runs.
+        NoResults: if a job is missing, or has fewer runs.
     """
     ours, theirs = _scores(pool, comparison, also, runs)
     difference = paired_difference(ours, theirs)
@@ -101,7 +99,8 @@ def compare(pool: Pool, comparison: Comparison, also: Settings, runs: int | None
 def together(found: list[Verdict]) -> Verdict:
     """Return the verdict on a claim from the verdicts on its comparisons.
 
-    It holds if all of them hold, and in part if some hold and some fail. Otherwise it is the worst.
+    The claim holds if all comparisons hold, and holds in part if some hold and some fail. Otherwise
+    its verdict is the worst of theirs.
     """
     if Verdict.FAILS in found and {Verdict.HOLDS, Verdict.BARELY} & {*found}:
         return Verdict.PART
@@ -115,7 +114,7 @@ def quick_verdict(pool: Pool, claim: Claim, also: Settings) -> tuple[Verdict, in
     """Return the verdict over all runs by Student's t intervals, and the number of those runs.
 
     Raises:
-        NoResults: a job is missing.
+        NoResults: if a job is missing.
     """
     found, runs = [], []
     for comparison in claim.comparisons:
@@ -127,9 +126,9 @@ def quick_verdict(pool: Pool, claim: Claim, also: Settings) -> tuple[Verdict, in
 
 
 def verdict_shares(pool: Pool, claim: Claim, runs: int) -> tuple[int, dict[Verdict, float]]:
-    """Return the share of samples of a given number of runs that lead to each verdict.
+    """Return the shares of the verdicts in samples of a given number of runs.
 
-    All runs are cut into samples of that size. The intervals are Student's t.
+    All runs are cut into samples of this size. The intervals are Student's t.
 
     Args:
         pool: the jobs.
@@ -137,10 +136,10 @@ def verdict_shares(pool: Pool, claim: Claim, runs: int) -> tuple[int, dict[Verdi
         runs: the number of runs in a sample.
 
     Returns:
-        The number of samples, and each verdict's share of them.
+        The number of samples, and each verdict's share of the samples.
 
     Raises:
-        NoResults: a job is missing, or has fewer runs.
+        NoResults: if a job is missing, or has fewer runs.
     """
     by_comparison = []
     for comparison in claim.comparisons:
