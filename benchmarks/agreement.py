@@ -1,4 +1,4 @@
-"""Compares what many runs learn with eager and with compiled steps.
+"""Compare the learning curves of eager and of compiled steps, over many runs.
 
 python benchmarks/agreement.py [runs]
 

@@ -1,4 +1,4 @@
-"""Times the whole command that `make run` runs.
+"""Time the command of `make run`, as a whole and by parts.
 
 python benchmarks/command.py [repetitions]
 """
@@ -19,7 +19,7 @@ PARTS = ("train_seconds", "compile_seconds", "evaluate_seconds")
 
 @dataclass(frozen=True)
 class CommandRun:
-    seconds: dict[str, float]  # of the whole command, and of its parts as summary.json has them
+    seconds: dict[str, float]  # by part, as named in summary.json, and of the "whole command"
     peak_bytes: int
 
 
@@ -28,7 +28,7 @@ def train_command(runs: int) -> list[str]:
 
 
 def measure(runs: int, environment: Mapping[str, str] | None = None) -> CommandRun:
-    """Run the command once, with these environment variables besides our own."""
+    """Run the command once, with these environment variables added to those of this process."""
     with tempfile.TemporaryDirectory() as directory:
         command = [sys.executable, *train_command(runs), f"hydra.run.dir={directory}/job"]
         finished = run_watched(command, environment)

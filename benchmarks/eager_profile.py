@@ -1,4 +1,4 @@
-"""Times the parts of one eager learning step.
+"""Time the parts of one eager learning step.
 
 python benchmarks/eager_profile.py [runs …]
 """
@@ -49,13 +49,13 @@ Advance = Callable[[], None]
 @dataclass(frozen=True)
 class Profile:
     lanes: int
-    whole_us: float  # of a step without the stopwatch
+    whole_us: float  # time of a step without the stopwatch
     parts_us: dict[str, float]
     operations: Counter[str]
 
 
 class Stopwatch:
-    """Counts the seconds of each part, without those of the parts that it calls."""
+    """A stopwatch of the seconds of each part, without the parts that this part calls."""
 
     def __init__(self) -> None:
         self.turns = [REST]
@@ -84,7 +84,7 @@ class Stopwatch:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """Time every part by itself, within the block."""
+        """Time each part within the ``with`` block."""
         patches = [
             patch.object(owner, name, self.timed(part, getattr(owner, name)))
             for part, places in PARTS.items()
@@ -102,7 +102,7 @@ class Stopwatch:
 
 
 class OperationCount(TorchDispatchMode):
-    """Counts the aten operations of each part, those of the gradient included."""
+    """A count of the aten operations of each part, including those of the gradient."""
 
     def __init__(self, stopwatch: Stopwatch) -> None:
         super().__init__()
@@ -115,7 +115,10 @@ class OperationCount(TorchDispatchMode):
 
 
 def make_step(runs: int) -> tuple[Advance, int, int]:
-    """Return a function that advances so many runs by one step, its lanes and its elements."""
+    """Return a function that advances runs by one step, and its numbers of lanes and elements.
+
+    A lane is a place for a run in the batch. The elements are the action values of one step.
+    """
     config = load_config("lam=0.2", "engine=eager", f"num_seeds={runs}")
     trainer = Trainer.of(config)
     lanes = lanes_for(runs, trainer.engine.workers, trainer.engine.most_lanes)
@@ -132,7 +135,7 @@ def make_step(runs: int) -> tuple[Advance, int, int]:
 
 @torch.no_grad()
 def profile(runs: int) -> Profile:
-    """Time steps with and without the stopwatch, in turn, since the machine's load varies."""
+    """Time steps with and without the stopwatch by turns, since the machine's load varies."""
     advance, lanes, elements = make_step(runs)
     stopwatch = Stopwatch()
     whole, parts = [], []

@@ -1,7 +1,7 @@
 """Time the logging of 1,000 runs beside training them: python benchmarks/loggers.py [repetitions]
 
-Each logger has a process of its own. They take turns with training, since the machine's load
-varies. With one wandb run for each run, 100 runs are logged.
+Each logger has a process of its own. The loggers take turns with training, since the machine's load
+varies. wandb with a wandb run for each run logs 100 runs only.
 """
 
 import json
@@ -27,7 +27,7 @@ LOGGERS = {
 
 
 def train(runs: int, directory: Path) -> float:
-    """Return the seconds of learning and testing, compiling included."""
+    """Train runs and return the seconds of learning and testing, including compiling."""
     command = ["-m", "fnnq_torchrl.train", f"num_seeds={runs}", f"hydra.run.dir={directory}"]
     subprocess.run([sys.executable, *command], check=True, capture_output=True)
     summary = json.loads((directory / "summary.json").read_text())
@@ -35,7 +35,7 @@ def train(runs: int, directory: Path) -> float:
 
 
 def log(directory: Path, overrides: list[str]) -> list[float]:
-    """Return the seconds that the first job of this process takes to log, and the next."""
+    """Log a job twice and return the seconds of each; the first includes the logger's start."""
     import fnnq_torchrl.training.job  # noqa: F401  # a process that trains has imported this already
     from fnnq_torchrl.launch.composition import load_config
     from fnnq_torchrl.training.jobs import Job

@@ -1,4 +1,4 @@
-"""The machine that the figures were measured on, in one line."""
+"""A description of this machine for the figures measured on it, in one line."""
 
 import os
 import platform

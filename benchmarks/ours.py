@@ -1,6 +1,6 @@
-"""Measures the learning of a compiled job, without its evaluation and files: speed and memory.
+"""Measure speed and memory of a compiled job's learning, without its evaluation and files.
 
-python benchmarks/ours.py num_seeds=22 situations=20     learns again at each line on stdin
+python benchmarks/ours.py num_seeds=22 situations=20     learns once for each line on stdin
 """
 
 import json
@@ -14,23 +14,23 @@ from watched import memory_bytes
 
 @dataclass(frozen=True)
 class Learned:
-    steps: int  # learning steps of all runs, each up to the end of its last situation
+    steps: int  # learning steps of all runs together, up to the end of each run's last situation
     seconds: float  # without compiling
     compile_seconds: float  # 0 from the second repetition on
-    resident_bytes: int  # before learning: in the first repetition, that of the imports
+    resident_bytes: int  # memory before learning; in the first repetition, that of the imports
     peak_bytes: int
 
     @property
     def rate(self) -> float:
-        """Million learning steps a second."""
+        """Learning steps a second, in millions."""
         return self.steps / self.seconds / 1e6
 
 
 class Learner:
     """A process that repeats the same learning, compiled once.
 
-    Each number of runs has a process of its own, so it shares neither memory nor threads with the
-    others. Yardsticks can be measured in between.
+    There is one process for each number of runs, so that the measurements share neither memory nor
+    threads. Other programs can be measured between two repetitions.
     """
 
     def __init__(self, runs: int, situations: int) -> None:
@@ -43,7 +43,7 @@ class Learner:
             stdout=subprocess.PIPE,
             text=True,
         )
-        self._read()  # waits for the imports, which would disturb what is measured
+        self._read()  # waits for the imports, which would slow down other measurements
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -74,7 +74,7 @@ def main() -> None:
     made: list[Loop] = []
 
     def make_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
-        if not made:  # a traced step holds no tensors, and serves every trainer
+        if not made:  # a traced step holds no tensors, so all trainers can share it
             made.append(engine.make_loop(make_step, stays, state))
         return made[0]
 

@@ -1,4 +1,4 @@
-"""Writes docs/performance.md: a template with figures, and one section written by hand."""
+"""Write docs/performance.md from a template with figures; keep its section written by hand."""
 
 import re
 from collections.abc import Mapping
@@ -11,8 +11,8 @@ _TEMPLATE = Template("""\
 `make bench` measures these figures and writes this page, but for "What was tried".
 Measured on $machine. $gpu
 
-All are medians of $repetitions repetitions, with the fastest and the slowest; the sides took turns,
-on a machine shared with others.
+All figures are medians of $repetitions repetitions, with the fastest and the slowest. The programs
+took turns, on a machine shared with other users.
 
 ## Learning
 
@@ -26,22 +26,23 @@ $speed
   machine, not of a library.
 * *JAX* is `jit(scan(vmap))`, the usual form of fast JAX code ($jax, on 1,100, 11,000 and
   50,000 runs). Each of its readings is the best of three.
-* *ours* is `Trainer.learn` with `engine=compiled`, the snapshots for the evaluation included: the
-  steps of all runs up to the end of their last situation, over the time until the last run ends,
-  without compiling. More than 20,000 runs have fewer situations each, to keep the benchmark short;
-  so lanes are idle for a larger share of the time, while the last runs end.
+* *ours* is `Trainer.learn` with `engine=compiled`, including the snapshots for the evaluation: the
+  steps of all runs up to the end of their last situation, divided by the time until the last run
+  ends, without compiling. With more than 20,000 runs, each learns from fewer situations, to keep
+  the benchmark short. So a larger share of the time passes while the last runs end and the other
+  lanes, the places of runs in the batch, are idle.
 
 ## Compiling
 
 Seconds to trace the learner's step and to load its program from the cache on disk, in a new
-process. The next table has compiling with an empty cache, in the column "cold".
+process. Compiling with an empty cache is in the next table, in the column "cold".
 
 $compile
 
 ## The whole command
 
 Imports, learning, evaluation and files. "Cold" is one command with an empty cache of
-compiled programs; "warm" are those after it.
+compiled programs; "warm" are the commands after it.
 
 $command
 
@@ -49,7 +50,7 @@ $command
 
 Resident memory of the process. We keep the weights of each run at its 41 evaluations; the C program
 keeps one number of each run. "The rest" includes the memory for tracing the step, which doesn't
-depend on the number of runs; the last line leaves it out.
+depend on the number of runs; the last line excludes this memory.
 
 $memory
 
@@ -59,7 +60,7 @@ $large
 
 The time of the parts of one learning step with `engine=eager`. No part includes another: the random
 numbers that `env.step` and `restart` draw have their own line. The last line is measured without
-the stopwatch of the others.
+the stopwatch that measures the parts.
 
 $eager
 
@@ -74,7 +75,12 @@ _PLACEHOLDER = f"{_BEGIN}\n\nTo be written.\n\n{_END}"
 
 
 def write_page(path: Path, sections: Mapping[str, str]) -> None:
-    """Write the page; keep the section that is written by hand."""
+    """Write the page, and keep its section written by hand, if the file exists.
+
+    Args:
+        path: the file to write.
+        sections: the texts of the template's other fields, by name.
+    """
     kept = _BY_HAND.search(path.read_text(encoding="utf-8")) if path.exists() else None
     by_hand = kept[0] if kept else _PLACEHOLDER
     path.write_text(_TEMPLATE.substitute(sections, by_hand=by_hand), encoding="utf-8")

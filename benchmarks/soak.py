@@ -1,6 +1,6 @@
-"""Measures memory over many learning steps, and compares the estimate for a batch with its peak.
+"""Measure memory over many learning steps, or compare a batch's peak with its estimate.
 
-python benchmarks/soak.py [--steps 10]         resident memory after so many million learning steps
+python benchmarks/soak.py [--steps 10]         resident memory up to 10 million learning steps
 python benchmarks/soak.py --runs 1000 10000    peak memory of whole commands, beside the estimate
 """
 
@@ -21,7 +21,7 @@ from fnnq_torchrl.training.trainer import Trainer
 
 RUNS = 22
 MARKS = (1, 2, 5, 10, 20, 50, 100)  # millions of steps
-STEPS_A_SITUATION = 45  # or more
+STEPS_A_SITUATION = 45  # a situation takes at least as many steps on average
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Mark:
 
 
 class Watch:
-    """A :class:`fnnq_torchrl.engine.scheduler.Keeper` that reads the memory at each mark."""
+    """A :class:`fnnq_torchrl.engine.scheduler.Keeper` that reads the memory at each of `MARKS`."""
 
     def __init__(self) -> None:
         self.marks: list[Mark] = []
@@ -63,7 +63,7 @@ def soak(millions: int) -> list[Mark]:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Memory, by learning steps or by runs.")
     parser.add_argument("--steps", type=int, default=10, help="millions of learning steps")
-    parser.add_argument("--runs", type=int, nargs="*", help="of whole commands")
+    parser.add_argument("--runs", type=int, nargs="*", help="numbers of runs of whole commands")
     arguments = parser.parse_args()
     print(describe_machine())
     if arguments.runs:

@@ -1,9 +1,9 @@
-"""Measures speed and memory of learning, beside the same experiment in C and in JAX.
+"""Measure speed and memory of learning, beside the same experiment in C and in JAX.
 
 python benchmarks/speed.py [--write docs/performance.md] [--large]
 
-All sides take turns, since the machine's load varies. A learning step is one step of the world and
-one Q(λ) update of one run.
+All programs take turns, since the machine's load varies. A learning step is one step of the world
+and one Q(λ) update of one run.
 """
 
 import argparse
@@ -43,7 +43,7 @@ class Size:
     ours: list[Learned] = field(default_factory=list)
     c: list[Reading] = field(default_factory=list)
     jax: list[Reading] = field(default_factory=list)
-    fresh: Learned | None = None  # in a new process that finds the program in the cache
+    fresh: Learned | None = None  # measured in a new process with the program in the cache
 
 
 def measure_sizes(sizes: list[Size], repetitions: int, jax: Path) -> None:
@@ -66,7 +66,7 @@ def measure_sizes(sizes: list[Size], repetitions: int, jax: Path) -> None:
 
 
 def compared(sizes: list[Size]) -> tuple[Size, Size]:
-    """Return the sizes that the memory table compares: the smallest, and MEMORY_RUNS."""
+    """Return the sizes that the memory table compares: the first, and the one of MEMORY_RUNS."""
     return sizes[0], next((size for size in sizes if size.runs == MEMORY_RUNS), sizes[-1])
 
 
@@ -94,7 +94,7 @@ def compile_table(sizes: list[Size]) -> str:
 
 
 def memory_table(sizes: list[Size]) -> str:
-    """Return the table of memory: of the process, of each run, and of each further run."""
+    """Return a table of the memory of the process, of each run, and of each additional run."""
     few, size = compared(sizes)
     assert few.fresh is not None
     assert size.fresh is not None
@@ -116,7 +116,7 @@ def memory_table(sizes: list[Size]) -> str:
 
 
 def command_table(runs: int, repetitions: int) -> str:
-    """Return the times of the whole command, first with an empty cache of compiled programs."""
+    """Return a table of the command's times, first with an empty cache of compiled programs."""
     if not runs:
         return NOT_MEASURED
     with tempfile.TemporaryDirectory() as cache:
@@ -152,18 +152,18 @@ def eager_table() -> str:
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, nargs="+", default=RUNS)
-    parser.add_argument("--situations", type=int, help="of each run; by default 200, or fewer")
+    parser.add_argument("--situations", type=int, help="of each run; default: 200, or fewer")
     parser.add_argument("--repetitions", type=int, default=3)
-    parser.add_argument("--command-runs", type=int, default=10_000, help="0: not the command")
-    parser.add_argument("--large", action="store_true", help=f"{LARGE:,} runs too: minutes more")
+    parser.add_argument("--command-runs", type=int, default=10_000, help="0: skip the command")
+    parser.add_argument("--large", action="store_true", help=f"add {LARGE:,} runs: minutes more")
     parser.add_argument("--jax", type=Path, default=JAX_PYTHON, help="a Python that has JAX")
-    parser.add_argument("--write", type=Path, help="the page; its section by hand is kept")
+    parser.add_argument("--write", type=Path, help="page to write; its hand-written part is kept")
     return parser.parse_args()
 
 
 def main() -> None:
     given = arguments()
-    # Fewer for the most runs, to keep the benchmark short.
+    # Fewer situations for the largest numbers of runs, to keep the benchmark short.
     sizes = [Size(runs, given.situations or (50 if runs > 20_000 else 200)) for runs in given.runs]
     measure_sizes(sizes, given.repetitions, given.jax)
     sections = {

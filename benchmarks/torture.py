@@ -1,9 +1,9 @@
-"""Kills jobs at random moments, while they write too, and starts the same command again each time.
+"""Kill jobs at random moments, also while they write, and restart the same command after each kill.
 
 python benchmarks/torture.py [--kills 25] [--seed 0]
 
-After each kill, every file under its final name must be complete. A finished job must have the same
-files, bit for bit, as a job that was never killed, and no others.
+After each kill, every file with a final (not temporary) name must be complete. A finished job must
+have the same files, bit for bit, as a job that was never killed, and no other files.
 """
 
 import argparse
@@ -32,8 +32,8 @@ from fnnq_torchrl.training.resume.saved import FORMAT
 from fnnq_torchrl.training.weights import load_checkpoint
 
 EVERY_S = 0.05
-ANY_MOMENT = 0.3  # share of the kills at any moment, from the imports to the end
-MOST_SAVES = 8  # that one start may make before it is killed
+ANY_MOMENT = 0.3  # share of the kills that come at any moment, the imports included
+MOST_SAVES = 8  # saves, at most, that a start makes before it is killed
 LONGEST_S = 600
 LOOK_S = 0.001
 SITUATIONS = 1000
@@ -50,7 +50,7 @@ SAME = ("checkpoint.pt", "evaluations.csv", "learning_curve.png", "learning_curv
 
 
 def learned(path: Path) -> int:
-    """Return the number of situations that a saved training has learned from."""
+    """Return the number of situations that all runs of a saved training have learned from."""
     ledger = read_plain(path, FORMAT, "a saved training")["ledger"]
     done = ledger["learned"][ledger["learned"] == SITUATIONS].sum()
     return int(done + sum(state["situations"].sum() for _, state in ledger["hands"]))
@@ -78,7 +78,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 def check_whole(directory: Path) -> int:
-    """Read every file that has its final name; return the number of temporary files."""
+    """Read every file with a final name, and return the number of temporary files."""
     temporary = 0
     for path in sorted(directory.rglob("*")):
         if path.suffix == ".tmp":
@@ -89,7 +89,11 @@ def check_whole(directory: Path) -> int:
 
 
 def results(directory: Path) -> dict[str, object]:
-    """Return the contents that must be the same in all jobs of a kind, by file name."""
+    """Return by file name the contents that must be the same in all jobs of a kind.
+
+    Raises:
+        ValueError: if a file is left over.
+    """
     found: dict[str, object] = {}
     for path in sorted(directory.rglob("*")):
         name = str(path.relative_to(directory))
@@ -97,10 +101,10 @@ def results(directory: Path) -> dict[str, object]:
             found[name] = path.read_bytes()
         elif path.name == "summary.json":
             summary = json.loads(path.read_text())
-            # A job of a sweep may resume alone, after the others have finished.
+            # batch_runs may differ: after a kill, a sweep's last job may resume in a batch alone.
             found[name] = {k: v for k, v in summary.items() if k not in (*TIMES, "batch_runs")}
         elif path.is_file() and path.suffix not in (".yaml", ".log") and path.name != "summary.csv":
-            raise ValueError(f"{path} was left")
+            raise ValueError(f"{path} was left over")
     return found
 
 
@@ -122,7 +126,7 @@ def saved_in(directory: Path) -> Sequence[Path]:
 
 
 def saved_at(directory: Path) -> float:
-    """Return the time of the last save in seconds since the epoch; 0 if there is none."""
+    """Return the time of the last save, in seconds since the epoch, or 0 if nothing is saved."""
     times = []
     for path in saved_in(directory):
         try:
@@ -144,7 +148,7 @@ def wait_for(moment: Callable[[], bool], process: subprocess.Popen[str], longest
 
 @dataclass(frozen=True)
 class Reference:
-    """The files of a job that was never killed, and the seconds that it took."""
+    """The results of a job that was never killed, and the seconds that the job took."""
 
     results: dict[str, object]
     seconds: float
@@ -161,8 +165,8 @@ def run_reference(kind: str, directory: Path) -> Reference:
 @dataclass
 class Tally:
     kills: int = 0
-    while_writing: int = 0  # a temporary file was there
-    resumed: int = 0  # starts from a saved training
+    while_writing: int = 0  # kills that left a temporary file
+    resumed: int = 0  # starts that resumed a saved training
     finished: int = 0
     lost_s: list[float] = field(default_factory=list)
 
@@ -170,14 +174,14 @@ class Tally:
 def torture(
     kind: str, directory: Path, reference: Reference, rng: random.Random, most: int
 ) -> Tally:
-    """Start a job and kill it, at most so often, until it has finished."""
+    """Start a job, kill it and start it again, at most ``most`` times, until it has finished."""
     tally, done = Tally(), 0
     while True:
         process, since = start(kind, directory), time.time()
         if tally.kills < most:
             if rng.random() < ANY_MOMENT:
                 wait_for(lambda: False, process, rng.uniform(0, reference.seconds))
-            else:  # while it learns
+            else:  # soon after a save, while the job learns
                 for _ in range(rng.randint(1, MOST_SAVES)):
                     wait_for(partial(saved_since, directory, since), process, LONGEST_S)
                     since = saved_at(directory)
@@ -192,7 +196,7 @@ def torture(
         if process.returncode == 0:
             tally.finished = 1
             if temporary or results(directory) != reference.results:
-                sys.exit(f"{kind} in {directory}: not what an uninterrupted one leaves")
+                sys.exit(f"{kind} in {directory}: the files differ from an uninterrupted job's")
             return tally
         if process.returncode != -signal.SIGKILL:
             sys.exit(f"{kind}: exit status {process.returncode}: {stderr}")
@@ -202,7 +206,10 @@ def torture(
             tally.lost_s.append(killed_at - saved_at(directory))
             now = max(map(learned, saved))
             if now < done:
-                sys.exit(f"{kind} in {directory}: had learned from {done} situations, now {now}")
+                sys.exit(
+                    f"{kind} in {directory}: had learned from {done} situations before the last "
+                    f"kill, now from {now}"
+                )
             done = now
         print(f"{kind}: killed {tally.kills}, learned from {done:,} situations", flush=True)
 
@@ -220,7 +227,7 @@ def main() -> None:
         while (left := arguments.kills - sum(tally.kills for tally in tallies)) > 0:
             kind = list(KINDS)[len(tallies) % len(KINDS)]
             directory = Path(folder, f"{kind}_{len(tallies)}")
-            # A few kills each, so that jobs of both kinds finish.
+            # Only a few kills for each job, so that jobs of both kinds finish.
             share = min(left, rng.randint(2, 7))
             tallies.append(torture(kind, directory, references[kind], rng, share))
     lost = [second for tally in tallies for second in tally.lost_s]

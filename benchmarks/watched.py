@@ -1,4 +1,4 @@
-"""Runs a command and measures its time and memory."""
+"""Run a command and measure its time and memory."""
 
 import os
 import subprocess
@@ -14,20 +14,20 @@ _LOOK_SECONDS = 0.02
 class Finished:
     output: str
     seconds: float
-    peak_bytes: int  # of resident memory; 0 where there is no /proc
+    peak_bytes: int  # largest resident memory; 0 on systems without /proc
 
 
 def run_watched(command: Sequence[str], environment: Mapping[str, str] | None = None) -> Finished:
-    """Run a command and wait for its end.
+    """Run a command to its end, and return its output, time and peak memory.
 
-    Its memory is read while it runs, since getrusage counts that of its parent too.
+    The memory is read while the command runs, since getrusage counts the parent's memory too.
 
     Args:
         command: the program and its arguments.
-        environment: variables to set besides our own.
+        environment: environment variables to set besides those of this process.
 
     Raises:
-        CalledProcessError: it failed; its stderr is added as a note.
+        CalledProcessError: if the command failed; the error has the command's stderr as a note.
     """
     start, peak = time.perf_counter(), 0
     with subprocess.Popen(
@@ -53,7 +53,7 @@ def run_watched(command: Sequence[str], environment: Mapping[str, str] | None = 
 
 
 def memory_bytes(entry: str, process: int | str = "self") -> int:
-    """Return ``VmRSS``, the resident memory, or ``VmHWM``, its peak; 0 where there is no /proc."""
+    """Return a process's resident memory (``VmRSS``) or its peak (``VmHWM``); 0 without /proc."""
     try:
         lines = Path(f"/proc/{process}/status").read_text().splitlines()
     except OSError:

@@ -1,1 +1,1 @@
-"""Compares our learner with the deep Q-networks of TorchRL and of Stable-Baselines3."""
+"""A comparison of our Q(λ) learner with the deep Q-networks of TorchRL and Stable-Baselines3."""

@@ -1,4 +1,4 @@
-"""Compare the DQNs of TorchRL and Stable-Baselines3 with Q(λ): docs/peers.md and its figure.
+"""Compare Q(λ) with the DQNs of TorchRL and Stable-Baselines3; write docs/peers.md and its figure.
 
 python -m benchmarks.peers [--seeds 6] [--redraw]
 """
@@ -23,17 +23,17 @@ from .task import EVERY, STEPS, task
 from .tune import best_rate, read_tuning
 
 TIMES = 3
-"""The number of times that a run of ours is timed."""
+"""The number of our single runs that are timed."""
 
 FEWEST = 5
 """The smallest number of runs of a learner that a conclusion may rest on."""
 
 Measured = Iterator[tuple[str, list[Run]]]
-"""Runs, each list with the name of its learner."""
+"""The names of learners, each with some of the learner's runs."""
 
 
 def measure_ours(steps: int, runs: int) -> Measured:
-    """Measure the scores of our batches, and the time of our single runs."""
+    """Yield our batches, for their scores, and our single runs, for their times."""
     batch = f"num_seeds={runs}", "engine=compiled"
     single = fuzzy_command(steps, "lam=0.2", "engine=compiled")
     alone(single)  # fills the cache of compiled programs
@@ -45,7 +45,7 @@ def measure_ours(steps: int, runs: int) -> Measured:
 
 
 def measure_peers(steps: int, seeds: int) -> Measured:
-    """Measure the peers in turn, so that other work on the machine slows them alike."""
+    """Yield the peers' runs, by turns, so that other work on the machine slows both peers alike."""
     rates = {peer: best_rate(scores) for peer, scores in read_tuning().items()}
     cases = list(product(range(seeds), PEERS))
     commands = [PEERS[peer].command(seed, steps, rates[peer]) for seed, peer in cases]
@@ -63,7 +63,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--redraw", action="store_true", help="only read the results file")
     given = parser.parse_args()
     if min(given.seeds, given.runs) < FEWEST:
-        parser.error(f"the page concludes from {FEWEST} runs of each learner or more")
+        parser.error(f"the page needs at least {FEWEST} runs of each learner")
     return given
 
 
@@ -71,19 +71,21 @@ def main() -> None:
     given = arguments()
     if not given.redraw:
         if absent := [peer.python for peer in PEERS.values() if not Path(peer.python).exists()]:
-            sys.exit(f"{absent[0]} isn't there: make peers installs it")
-        # Other work on the machine makes wall times longer, so the page gives the load.
-        machine = f"{describe_machine()}, at a load of {os.getloadavg()[0]:.1f} before we began"
+            sys.exit(f"{absent[0]} is missing; make peers installs it")
+        # Other work on the machine makes wall times longer, so the page states the load.
+        machine = f"{describe_machine()}, at a load of {os.getloadavg()[0]:.1f} beforehand"
         measured = defaultdict(list)
         ours = measure_ours(given.steps, given.runs)
         for name, runs in chain(ours, measure_peers(given.steps, given.seeds)):
             measured[name] += runs
-            write_results(given.results, machine, measured)  # an interrupt loses little
+            write_results(given.results, machine, measured)  # so that an interrupt loses little
     machine, results = read_results(given.results)
     if missing := [name for name in (ALONE, EAGER) if name not in results]:
-        sys.exit(f"{given.results} has no runs of {missing[0]}: make peers")
+        sys.exit(f"{given.results} has no runs of {missing[0]}; make peers measures them")
     if short := [name for name in WORDS if len(results.get(name, [])) < FEWEST]:
-        sys.exit(f"{given.results} has fewer than {FEWEST} runs of {short[0]}: make peers")
+        sys.exit(
+            f"{given.results} has fewer than {FEWEST} runs of {short[0]}; make peers measures them"
+        )
     figures = given.to / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     for suffix in ("png", "svg"):

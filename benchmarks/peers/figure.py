@@ -1,4 +1,4 @@
-"""The scores of all learners against the steps that they learn, and against the time it takes."""
+"""A figure of all learners' scores against learning steps, and against wall time."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ _COLOUR = dict(zip(WORDS, COLOURS, strict=False))
 
 
 def peers_figure(results: Results, best: int) -> Figure:
-    """Draw our default beside each of the others over steps, and all over seconds.
+    """Draw Q(λ) beside each other learner over steps, and all learners over seconds.
 
     Args:
         results: the runs of all learners.
@@ -91,7 +91,7 @@ def _draw_over_time(
 ) -> None:
     """Draw a learner's line over its wall time.
 
-    The evaluation before learning, after no time, has no place on a logarithmic axis.
+    The evaluation before learning is left out: its time is 0, and the axis is logarithmic.
     """
     mean = catches(results[name]).mean(axis=0)
     axes.plot(taken_s[1:], mean[1:], style, color=_COLOUR[name], linewidth=1.4, label=label)

@@ -19,7 +19,7 @@ from .task import moments
 
 
 def enough(config: Config, steps: int) -> int:
-    """Return a number of situations that takes at least that many steps, however fast they end."""
+    """Return a number of situations that together take at least this many steps."""
     every = config.evaluation.every
     return every * math.ceil(steps / config.env.fewest_steps / every)
 
@@ -27,18 +27,18 @@ def enough(config: Config, steps: int) -> int:
 def scores_at(
     moments: NDArray[np.int64], taken: NDArray[np.int64], catches: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Return a run's score at some numbers of steps: that of its last evaluation before each.
+    """Return a run's score after given numbers of steps: the score of the last evaluation so far.
 
     Args:
         moments: the numbers of steps.
-        taken: the steps that the run had learned before each of its evaluations.
+        taken: the number of steps before each of the run's evaluations.
         catches: the score in each evaluation.
     """
     return catches[np.searchsorted(taken, moments, side="right") - 1]
 
 
 def learn(steps: int, overrides: list[str]) -> Iterator[Run]:
-    """Yield all runs of a batch. The wall time of each is its share of the batch's wall time."""
+    """Train a batch and yield its runs. Each run's wall time is its share of the batch's."""
     situations = enough(load_config(*overrides), steps)
     config = load_config(*overrides, f"situations={situations}")
     trainer = Trainer.of(config)
@@ -61,7 +61,7 @@ def learn(steps: int, overrides: list[str]) -> Iterator[Run]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, required=True)
-    parser.add_argument("overrides", nargs="*", help="as of the command")
+    parser.add_argument("overrides", nargs="*", help="overrides of the train command")
     given = parser.parse_args()
     for run in learn(given.steps, given.overrides):
         print(run.to_line())

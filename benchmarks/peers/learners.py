@@ -14,8 +14,8 @@ class Peer:
     """A library's DQN.
 
     Attributes:
-        words: its name in figures and on the page.
-        module: the module of this folder that runs it.
+        words: the name in figures and on the page.
+        module: the name of the module in this folder that runs the DQN.
         python: the interpreter that has the library installed.
     """
 
@@ -24,7 +24,7 @@ class Peer:
     python: str
 
     def command(self, seed: int, steps: int, learning_rate: float) -> Command:
-        """Return the command that prints one run."""
+        """Return a command that learns one run and prints it."""
         given = {"seed": seed, "steps": steps, "learning-rate": learning_rate}
         options = [word for key, value in given.items() for word in (f"--{key}", str(value))]
         return [self.python, "-m", f"benchmarks.peers.{self.module}", *options]
@@ -37,6 +37,6 @@ PEERS = {
 
 
 def fuzzy_command(steps: int, *overrides: str) -> Command:
-    """Return the command that prints our runs."""
+    """Return a command that learns and prints our runs."""
     module = "benchmarks.peers.fuzzy"
     return [sys.executable, "-m", module, "--steps", str(steps), *overrides]

@@ -1,4 +1,4 @@
-"""The page docs/peers.md: a template with figures and conclusions, both computed from the runs."""
+"""The page docs/peers.md: a template whose figures and conclusions are computed from the runs."""
 
 import textwrap
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ from .task import task
 from .tune import FIRST_SEED, LEARNING_RATES, best_rate, read_tuning
 
 GOAL = 4
-"""The score, in catches of five, whose time of arrival the page gives."""
+"""The score, in catches of five, for which the page says when each learner reaches it."""
 
 _TEMPLATE = Template("""\
 # Peers on the same task
@@ -64,11 +64,11 @@ $learning
 ## How long it takes
 
 The table has the wall time of one run of $steps steps, without imports and evaluation: the median,
-with the fastest and the slowest. Each of our runs had the machine for itself, or as much of it as
-other users left. Of the peers' runs, as many ran at once as there are cores, with one thread each.
-*The world* is the part of the time that the world's own steps took; eagerly, most of that is the
-work of TorchRL and TensorDict for each small step. *To $goal catches* includes compiling, with the
-programs already in the cache on disk.
+with the fastest and the slowest. Each of our runs had the machine for itself, except for the load
+of other users. The peers ran as many runs at once as there are cores, with one thread each.
+*The world* is the part of the time that the world's own steps took; eagerly, most of this part is
+the work of TorchRL and TensorDict for each small step. *To $goal catches* includes compiling, with
+the programs already in the cache on disk.
 
 $time
 
@@ -76,12 +76,12 @@ $time
 
 * *Q(λ)* is this package with its defaults, with and without a trace. It has 20 weights, and none
   of its parameters was tuned for this comparison. It is evaluated after every five situations; its
-  score at a number of steps is that of its last evaluation before.
+  score at a number of steps is the score of the last evaluation up to then.
 * *DQN, TorchRL* is made of TorchRL's own `DQNLoss`, `SoftUpdate`, `Collector`, replay buffer and
   `EGreedyModule`, on `FollowBall` with an `ActionDiscretizer`.
-* *DQN, Stable-Baselines3* is its `DQN` on `envs.gymnasium.GymWorld`, which passes both Gymnasium's
-  checker of environments and that of Stable-Baselines3. It is installed in an environment of its
-  own, `benchmarks/peers/.venv`.
+* *DQN, Stable-Baselines3* is the library's `DQN` on `envs.gymnasium.GymWorld`, which passes the
+  environment checkers of Gymnasium and of Stable-Baselines3. The library is installed in a virtual
+  environment of its own, `benchmarks/peers/.venv`.
 
 Both DQNs observe the bearing in rad, within ±1, and have the same architecture and schedule, with
 Adam and the Huber loss:
@@ -130,7 +130,7 @@ def write_page(path: Path, machine: str, results: Results) -> None:
 
 
 def conclusions(results: Results) -> list[str]:
-    """Return the conclusions from the runs: when each learner arrives, and how long a run takes."""
+    """Return sentences on when each learner reaches the goal, and how long its runs take."""
     ours = WORDS[OURS]
     lines = [f"{ours} {_arrives(results, OURS)}."]
     for name, peer in PEERS.items():
@@ -154,7 +154,7 @@ def conclusions(results: Results) -> list[str]:
 
 
 def _about(ratio: float) -> str:
-    """Return a ratio of times in words: a rough one, since the conditions weren't the same."""
+    """Return a ratio of times in words, only roughly, since the conditions weren't the same."""
     return "about as long" if 2 / 3 < ratio < 3 / 2 else f"about {ratio:.2g} times as long"
 
 
@@ -163,7 +163,10 @@ def _bullet(line: str) -> str:
 
 
 def _arrives(results: Results, name: str) -> str:
-    """Return the steps after which the mean stays at the goal, in words after a learner's name."""
+    """Return in words after how many steps a learner's mean score stays at the goal.
+
+    The words continue a sentence that begins with the learner's name.
+    """
     place = at_last(results[name], GOAL)
     if place is None:
         return f"doesn't come to {GOAL} catches on average, or doesn't stay there"
@@ -174,7 +177,7 @@ def _arrives(results: Results, name: str) -> str:
 def _difference_interval(
     ours: NDArray[np.float64], theirs: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Return the interval of a difference of two means, by Welch's t."""
+    """Return Welch's t interval of the difference of two means."""
     welch = ttest_ind(ours, theirs, equal_var=False)
     low, high = welch.confidence_interval(CONFIDENCE)
     return float(low), float(high)

@@ -1,4 +1,4 @@
-"""The runs of a comparison by learner, and the file that keeps them."""
+"""The runs of all compared learners, their measures, and the file that keeps the runs."""
 
 import json
 from collections.abc import Mapping
@@ -17,10 +17,13 @@ from .learners import PEERS
 from .runs import Run
 
 OURS, NO_TRACE = "lam=0.2", "lam=0"
-"""Our learners whose scores are shown; the runs of each are one batch."""
+"""The names of our learners whose scores are shown. Each learner's runs are one batch."""
 
 ALONE, EAGER = "alone", "eager"
-"""Our runs with λ = 0.2 whose time is shown, one at a time: compiled, and a short one eager."""
+"""The names of our runs with λ = 0.2 whose times are shown, each run by itself.
+
+The runs of `ALONE` are compiled; `EAGER` is one short eager run.
+"""
 
 WORDS = {OURS: "Q(λ), λ = 0.2", NO_TRACE: "Q(λ), λ = 0"} | {
     name: peer.words for name, peer in PEERS.items()
@@ -51,15 +54,19 @@ def seconds(runs: list[Run]) -> NDArray[np.float64]:
 
 
 def eager_seconds(results: Results) -> NDArray[np.float64]:
-    """Return the wall time until each evaluation of an eager run, at the speed of the short one."""
+    """Return the wall time until each evaluation of a whole eager run, ``[evaluations]``.
+
+    It is extrapolated from the speed of the short eager run.
+    """
     [run] = results[EAGER]
     return np.array(results[OURS][0].steps) * run.seconds[-1] / run.steps[-1]
 
 
 def at_last(runs: list[Run], goal: float) -> int | None:
-    """Return the evaluation from which on the mean over the runs stays at the goal, or None.
+    """Return the index of the first evaluation from which the mean stays at the goal or above.
 
-    Earlier arrivals don't count: a network may steer well by chance before it has learned anything.
+    The mean is over the runs; None if it doesn't stay there. Evaluations before a later fall below
+    the goal don't count: a network may steer well by chance before it has learned anything.
     """
     means = catches(runs).mean(axis=0)
     below = np.flatnonzero(means < goal)
@@ -68,7 +75,7 @@ def at_last(runs: list[Run], goal: float) -> int | None:
 
 
 def score_interval(scores: NDArray[Any], best: int) -> MeanInterval:
-    """Return the mean over the runs with its Student's t interval, cut off where no score can be.
+    """Return the mean over the runs with its Student's t interval, clipped to possible scores.
 
     Args:
         scores: catches or means of catches, ``[runs, ...]``.
@@ -86,7 +93,7 @@ def write_results(path: Path, machine: str, results: Results) -> None:
 
 
 def read_results(path: Path) -> tuple[str, Results]:
-    """Return the machine in words, and the runs."""
+    """Return the machine in words, and the runs by learner."""
     kept = json.loads(path.read_text(encoding="utf-8"))
     return kept["machine"], {
         name: [Run(**run) for run in runs] for name, runs in kept["runs"].items()

@@ -1,4 +1,4 @@
-"""The result of a learner's run, and the processes that run learners."""
+"""The result of a learner's run, and functions that run learners in processes."""
 
 import json
 import os
@@ -20,9 +20,9 @@ class Run:
 
     seed: int
     steps: list[int]  # learning steps so far
-    seconds: list[float]  # of wall time so far, without imports, compiling and evaluation
+    seconds: list[float]  # wall time so far, without imports, compiling and evaluation
     catches: list[int]
-    versions: dict[str, str]  # of the libraries it ran with
+    versions: dict[str, str]  # the versions of the libraries, by name
     compile_seconds: float = 0.0
     world_seconds: float | None = None  # the time of the world's own steps, if it was measured
 
@@ -44,19 +44,19 @@ def versions_of(*libraries: str) -> dict[str, str]:
 
 
 def alone(command: Command) -> list[Run]:
-    """Return the runs that a command prints, while we run nothing else.
+    """Return the runs that a command prints. We run nothing else at the same time.
 
     Raises:
-        CalledProcessError: the command failed; the error has its output as a note.
+        CalledProcessError: if the command failed; the error has the command's stderr as a note.
     """
     return _runs(command, {})
 
 
 def side_by_side(commands: Iterable[Command]) -> Iterator[list[Run]]:
-    """Yield the runs that each command prints; as many run at once as there are cores.
+    """Yield the runs that each command prints; as many commands run at once as there are cores.
 
     Raises:
-        CalledProcessError: a command failed; the error has its output as a note.
+        CalledProcessError: if a command failed; the error has the command's stderr as a note.
     """
     single = {"OMP_NUM_THREADS": "1"}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -66,6 +66,6 @@ def side_by_side(commands: Iterable[Command]) -> Iterator[list[Run]]:
 def _runs(command: Command, environment: dict[str, str]) -> list[Run]:
     finished = run_watched(command, environment)
     print(f"{finished.seconds:5.0f} s  {' '.join(command[1:])}", file=sys.stderr, flush=True)
-    # TorchRL logs to stdout too.
+    # Other lines are skipped: TorchRL logs to stdout too.
     lines = [line for line in finished.output.splitlines() if line.startswith("{")]
     return [Run.from_line(line) for line in lines]

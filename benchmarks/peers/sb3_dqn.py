@@ -1,4 +1,4 @@
-"""Trains Stable-Baselines3's DQN through Gymnasium, in a virtual environment of its own.
+"""Train Stable-Baselines3's DQN through Gymnasium, in a virtual environment of its own.
 
 python -m benchmarks.peers.sb3_dqn --seed 0 --steps 12000 --learning-rate 1e-3
 """
@@ -17,7 +17,7 @@ from .task import EVERY, Diary, WorldClock, score, task
 
 
 class Snapshots(BaseCallback):
-    """A callback that keeps a copy of the network before learning, and then regularly."""
+    """A callback that copies the network before learning and then at regular numbers of steps."""
 
     diary: Diary
 
@@ -35,7 +35,7 @@ def learn(settings: Settings, seed: int, steps: int) -> Run:
     config = task()
     env = GymWorld(config.env, config.action.candidates)
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # its checker's advice counts as an error too
+        warnings.simplefilter("error")  # so that a warning of the environment checker fails too
         check_env(env)
     clock = WorldClock(env.world)
     model = DQN(

@@ -1,4 +1,4 @@
-"""The task of every learner: the same world, the same number of steps, and the same test."""
+"""The task of all learners: the same world, the same number of steps, and the same test."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -26,12 +26,12 @@ def moments(steps: int) -> list[int]:
 
 
 def task() -> Config:
-    """Return the default configuration: its world, candidates, γ and test are the peers' too."""
+    """Return the default configuration. The peers use its world, candidate actions, γ and test."""
     return load_config()
 
 
 class Diary:
-    """Snapshots of a learning network, each with its steps and seconds of learning."""
+    """Snapshots of a learning network, each with the steps and seconds of learning so far."""
 
     def __init__(self) -> None:
         self.steps: list[int] = []
@@ -47,7 +47,7 @@ class Diary:
 
 
 class WorldClock:
-    """A clock of the seconds that a world spends in its own steps."""
+    """A clock that counts the seconds that a world spends in its own steps."""
 
     def __init__(self, world: FollowBall) -> None:
         self.seconds = 0.0
@@ -63,7 +63,7 @@ class WorldClock:
 
 @torch.no_grad()
 def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]:
-    """Return the number of the test's situations that each network's greedy policy ends in a catch.
+    """Return the number of catches of each network's greedy policy in the test's situations.
 
     All networks play all situations side by side, with the random numbers of
     `fnnq_torchrl.training.evaluation`.
@@ -71,8 +71,8 @@ def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]
     Args:
         networks: one for each evaluation; each maps bearings ``[n, 1]`` to the values of the
             candidates, ``[n, candidates]``.
-        seed: of the run.
-        config: has the world, the test and the number of candidates.
+        seed: the seed of the run.
+        config: the configuration with the world, the test and the number of candidates.
     """
     tests = torch.tensor(config.evaluation.situations)
     candidates = make_candidates(config)
@@ -84,7 +84,7 @@ def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]
     for _ in range(config.env.time_limit_steps):
         best = _greedy(networks, state["bearing"].view(len(networks), len(tests), 1))
         state = env.step(state.set("action", candidates[best].view(lanes, 1)))["next"]
-        caught |= state["reward"] > 0  # before the time limit nothing else ends a situation
+        caught |= state["reward"] > 0  # before the time limit only a catch ends a situation
     return caught.view(len(networks), len(tests)).sum(1).tolist()
 
 

@@ -1,4 +1,4 @@
-"""Trains TorchRL's DQN, with its own loss, collector, replay buffer and exploration.
+"""Train TorchRL's DQN, with TorchRL's own loss, collector, replay buffer and exploration.
 
 python -m benchmarks.peers.torchrl_dqn --seed 0 --steps 12000 --learning-rate 1e-3
 """
@@ -21,27 +21,27 @@ from .task import EVERY, Diary, WorldClock, score, task
 
 
 class EvenActions(ActionDiscretizer):
-    """Numbers the candidates evenly over the range, both ends included."""
+    """A transform that maps indices to actions evenly spaced over the range, ends included."""
 
     def custom_arange(self, nint: int, device: torch.device | None) -> Tensor:
         return torch.linspace(0, 1, nint, device=device)
 
 
 def discrete(world: FollowBall, candidates: int) -> TransformedEnv:
-    """Return the world with indices of candidates as actions."""
+    """Return the world with the candidates' indices as actions."""
     scalar = SqueezeTransform(-1, in_keys=[], in_keys_inv=["action"])
     return TransformedEnv(world, Compose(InitTracker(), scalar, EvenActions(candidates)))
 
 
 def learned_from(collected: TensorDictBase) -> TensorDictBase:
-    """Return the entries that the loss needs, without the state of the world."""
+    """Return the collected entries that the loss needs, without the state of the world."""
     keys = ("bearing", "reward", "done", "terminated")
     return collected.select("bearing", "action", *(("next", key) for key in keys))
 
 
 def learn(settings: Settings, seed: int, steps: int) -> Run:
     config = task()
-    torch.manual_seed(seed)  # for weights, exploration and samples; the world has its own
+    torch.manual_seed(seed)  # of weights, exploration and replay; the world has its own seed
     world = FollowBall(config.env, seed=seed)
     clock = WorldClock(world)
     env = discrete(world, config.action.candidates)

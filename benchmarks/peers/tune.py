@@ -1,4 +1,4 @@
-"""Find each peer's best learning rate, and write tuning.csv, from which `make peers` takes it.
+"""Find each peer's best learning rate, and write tuning.csv, which `make peers` reads.
 
 python -m benchmarks.peers.tune [--seeds 3]
 """
@@ -17,7 +17,7 @@ from .task import STEPS
 
 LEARNING_RATES = [3e-5, 1e-4, 3e-4, 1e-3, 3e-3]
 FIRST_SEED = 1000
-"""The first seed of the runs that choose the rate; the page shows runs with other seeds."""
+"""The first seed of the runs that choose a learning rate; the page shows runs of other seeds."""
 
 TUNING = FOLDER / "tuning.csv"
 COLUMNS = ["peer", "learning_rate", "seed", "mean_score"]
@@ -36,7 +36,7 @@ def read_tuning() -> Scores:
 
 
 def best_rate(scores: Mapping[float, list[float]]) -> float:
-    """Return the rate with the highest mean, to three decimals; of several such, the largest."""
+    """Return the rate with the highest mean score, to three decimals; of equals, the largest."""
     return max(scores, key=lambda rate: (round(mean(scores[rate]), 3), rate))
 
 

@@ -1,7 +1,7 @@
-"""The default experiment as others would write it: by hand in C, and in JAX.
+"""Yardsticks: the default experiment as written by hand in C, and as written in JAX.
 
-`make bench` compares with `limit.c` and `jax_scan.py`. `limit_mlp.c` and `limit_tiles.c` are the
-same experiment with another value function, to be run by hand: their first lines say how.
+`make bench` compares our speed with `limit.c` and `jax_scan.py`. `limit_mlp.c` and `limit_tiles.c`
+are the same experiment with other value functions. They are run by hand, as their first lines say.
 """
 
 import re
@@ -15,7 +15,7 @@ FOLDER = Path(__file__).parent
 JAX_PYTHON = FOLDER.parent / ".jax" / "bin" / "python"
 
 _C_STEPS = 15_000_000
-"""The learning steps of all runs together, in each of the three times that the program measures."""
+"""The learning steps of all runs together, in each of the C program's three measurements."""
 
 _LINE = re.compile(
     r"runs=(?P<runs>\d+) (?P<rate>[\d.]+) M learning steps/s(.*first call (?P<first>[\d.]+) s)?"
@@ -24,15 +24,15 @@ _LINE = re.compile(
 
 @dataclass(frozen=True)
 class Reading:
-    """A yardstick's measurement with one number of runs."""
+    """A measurement of a yardstick, with one number of runs."""
 
     rate: float  # million learning steps a second
-    first_call_seconds: float = 0.0  # compiling, and one call
+    first_call_seconds: float = 0.0  # of the first call, which compiles
     peak_bytes: int = 0
 
 
 def build_c_limit(directory: Path) -> Path | None:
-    """Compile the C program into a directory; return None, and say why, if that fails."""
+    """Compile the C program into a directory; if that fails, print why and return None."""
     program = directory / "limit"
     flags = ["-Ofast", "-march=native", "-fopenmp"]
     try:
@@ -44,13 +44,16 @@ def build_c_limit(directory: Path) -> Path | None:
 
 
 def measure_c_limit(program: Path, runs: int) -> Reading:
-    """Run the C program with so many runs."""
+    """Measure the C program with a number of runs."""
     finished = run_watched([str(program), str(runs), str(max(1, _C_STEPS // runs))])
     return readings_of(finished)[runs]
 
 
 def measure_jax(python: Path) -> dict[int, Reading]:
-    """Run the JAX script, which has its numbers of runs built in; return {} if it doesn't run."""
+    """Return the JAX script's readings by number of runs; if it fails, print why and return {}.
+
+    The script's numbers of runs are fixed.
+    """
     try:
         return readings_of(run_watched([str(python), str(FOLDER / "jax_scan.py")]))
     except (OSError, subprocess.CalledProcessError) as error:
@@ -59,19 +62,19 @@ def measure_jax(python: Path) -> dict[int, Reading]:
 
 
 def jax_version() -> str:
-    """The version of JAX that the requirements pin, as ``jax==0.10.2``."""
+    """Return the pinned version of JAX, such as ``jax==0.10.2``."""
     lines = (FOLDER.parent / "jax-requirements.txt").read_text().splitlines()
     return next(line for line in lines if line.startswith("jax=="))
 
 
 def nearest(readings: dict[int, Reading], runs: int) -> Reading | None:
-    """Return the reading with the nearest number of runs, or None if it is more than 1 % away."""
+    """Return the reading with the nearest number of runs, or None if none is within 1 %."""
     found = min(readings, key=lambda size: abs(size - runs), default=0)
     return readings[found] if abs(found - runs) <= 0.01 * runs else None
 
 
 def readings_of(finished: Finished) -> dict[int, Reading]:
-    """Return the readings that a yardstick has printed, by their numbers of runs."""
+    """Return the readings that a yardstick has printed, by number of runs."""
     return {
         int(line["runs"]): Reading(
             float(line["rate"]), float(line["first"] or 0), finished.peak_bytes
