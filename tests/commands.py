@@ -14,7 +14,7 @@ SIGNALS = [
 
 
 def fnnq_train(*arguments: object) -> int:
-    """Run the command and return its exit status; restore logging, signals and ``sys.argv``."""
+    """Run the command, return its exit status, and restore logging, signals and ``sys.argv``."""
     root = logging.getLogger()
     level, handlers = root.level, root.handlers[:]
     argv, sys.argv = sys.argv, ["train", *map(str, arguments)]

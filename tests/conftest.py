@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-# The tensors are small, so a second thread only waits for the first: for milliseconds an operation
-# if the machine is busy. Torch reads this when it is imported; the commands under test inherit it.
+# The tensors are small, so a second thread is no help: on a busy machine it costs milliseconds for
+# each operation. Torch reads the variable at its import; the commands under test inherit it.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pytest
@@ -27,7 +27,7 @@ settings.load_profile("here")
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep compiled programs for this session, shared by its workers."""
+    """Keep compiled programs in a cache that the workers of this test session share."""
     session = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         session = session.parent
@@ -53,7 +53,7 @@ def usual_signals() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def compiler() -> None:
-    """Skip the test where there is no C++ compiler."""
+    """Skip the test if there is no C++ compiler."""
     from fnnq_torchrl.engine.native import compiler_found
 
     if not compiler_found():
@@ -73,7 +73,7 @@ def no_fsync() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Invented results of all experiments: 110 runs of the large ones, 12 of the others."""
+    """Write invented results of all experiments: 110 runs of the large ones, 12 of the others."""
     from .experiment_files import EXPERIMENTS, paper_level, write_experiment
 
     root = tmp_path_factory.mktemp("outputs")
@@ -85,7 +85,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def experiments(results: Path) -> "dict[str, Experiment]":
-    """The results of the fixture above, read."""
+    """Read the experiments from the fixture ``results``."""
     from fnnq_torchrl.studies.experiments import newest_experiment
 
     return {path.name: newest_experiment(results, path.name) for path in results.iterdir()}

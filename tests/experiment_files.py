@@ -15,7 +15,7 @@ from fnnq_torchrl.training.results import Evaluations, write_evaluations
 
 Settings = dict[str, Any]
 Level = Callable[[Settings], float]
-"""The final score, of 5, of runs with given settings."""
+"""A function from settings to the final score, of 5, of runs with these settings."""
 
 
 @cache
@@ -78,7 +78,7 @@ def grid(values: Mapping[str, str], *common: str) -> list[tuple[str, ...]]:
 
 
 MANY = "0.01,0.016,0.025,0.04,0.063,0.1,0.16,0.25,0.4,0.63,1"
-"""Values of α, as many and as long as in conf/experiment/adaptive.yaml."""
+"""Values of α, as many and with labels as long as in conf/experiment/adaptive.yaml."""
 
 LAMS = "0,0.1,0.2,0.4,0.7,0.8,1"
 EXPERIMENTS = {

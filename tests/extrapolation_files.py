@@ -40,7 +40,7 @@ def write_job(directory: Path, config: Config, level: float) -> None:
 
 
 def write_snapshots(directory: Path, config: Config) -> None:
-    """Write snapshots that begin with the network's own start and change at random."""
+    """Write snapshots that begin with the network's initial weights and change at random."""
     candidates = make_candidates(config)
     seed = torch.arange(RUNS)
     start = make_value_network(config.value, candidates, 1).start(seed.unsqueeze(-1))
@@ -55,7 +55,7 @@ def write_snapshots(directory: Path, config: Config) -> None:
 
 
 def write_results(root: Path, kinds: Sequence[str]) -> None:
-    """Write both experiments of these value functions; α = 0.1 is the best of 0.05, 0.1, 0.2."""
+    """Write both experiments of these value functions; the best of α = 0.05, 0.1, 0.2 is 0.1."""
     for number, kind in enumerate(kinds):
         config = extrapolating(f"value={kind}", "alpha=0.1")
         for place, decay in enumerate((config.alpha_decay, 1.0)):

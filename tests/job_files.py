@@ -34,7 +34,7 @@ def keys_read(schema: type, monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
 
 def write_job(directory: Path, *overrides: str, sweep: Path | None = None) -> Job:
-    """Write the files of a finished job with these overrides; its picture is one colour."""
+    """Write the files of a finished job with these overrides; its picture has a single colour."""
     job = Job(load_config("situations=40", *overrides), directory, sweep)
     directory.mkdir(parents=True, exist_ok=True)
     evaluations = invented(asdict(job.config), 4.0)

@@ -1,4 +1,4 @@
-"""Small learners and their runs, for the tests to step through."""
+"""Small learners and runs for the tests."""
 
 from functools import cache
 from pathlib import Path
@@ -21,11 +21,11 @@ from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.resume.saved import SavedTraining
 
 SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
-"""Every situation ends after 10 to 14 steps, some by a catch and some by a miss."""
+"""Overrides for a world whose situations end after 10 to 14 steps, in a catch or a miss."""
 
 
 def make_runs(config: Config, count: int, **columns: float | Tensor) -> TensorDict:
-    """Return runs of different seeds, ``[count]``, with the given or the configuration's values."""
+    """Return runs of different seeds, ``[count]``; ``columns`` override the configuration."""
     whole = {"seed": torch.arange(count), "situations": config.situations}
     values = {key: getattr(config, key) for key in PER_RUN} | whole
     dtype = getattr(torch, config.machine.dtype)
@@ -65,7 +65,7 @@ def saved_training(directory: Path, config: Config) -> SavedTraining:
 
 @torch.no_grad()
 def advance(learner: Learner, run: TensorDictBase, steps: int) -> TensorDict:
-    """Return the state after so many steps."""
+    """Return the state after the given number of steps."""
     state = learner.begin(run)
     for _ in range(steps):
         state = learner.step(run, state)

@@ -1,4 +1,4 @@
-"""The pages: their links lead somewhere."""
+"""The links of the Markdown pages lead to files and headings that exist."""
 
 import re
 from pathlib import Path

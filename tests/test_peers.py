@@ -1,4 +1,4 @@
-"""The comparison with other learners: the same test, the same actions, and true conclusions."""
+"""The comparison with other learners: the same test and actions, and conclusions that are true."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ class AsPeer(nn.Module):
 
 
 def test_peers_are_tested_as_ours_are():
-    """The peers' test gives a network the score that evaluations.csv would have."""
+    """The peers' test gives a network the score that our evaluation gives it."""
     config = load_config("situations=50", f"seed={SEED}", "engine=eager")
     trainer = Trainer.of(config)
     candidates = torch.linspace(-1, 1, config.action.candidates)
@@ -131,7 +131,7 @@ def test_what_the_page_concludes(ours, theirs, said, arrives):
     assert all(peer.words in line for peer, line in zip(PEERS.values(), others, strict=False))
     assert arrives in others[0]
     assert ("from 400 steps on" in own) == (ours == 4)
-    # 12 s against 12 s, and against 24 s of eager steps.
+    # The peer's 12 s against our 12 s compiled, and against 24 s of eager steps.
     assert "takes 1.00 times as long" in others[2]
     assert "It takes about 0.5 times as long" in others[2]
 

@@ -11,11 +11,11 @@ from tests.programs import advance, make_learner, make_runs
 
 README = Path(__file__).parents[1] / "README.md"
 RUNS, STEPS = 8, 130
-"""More steps than an episode has, so that traces end and some runs decay their α."""
+"""Runs, and steps: more than an episode has, so that traces end and some runs decay their α."""
 
 
 def example(steps: int) -> dict:
-    """Run the example with fewer steps; return its names."""
+    """Run the example with the given number of steps, and return its variables by name."""
     (code,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     shorter = code.replace("range(3000)", f"range({steps})").replace("rollout(1000", "rollout(130")
     assert len(shorter) == len(code) - 2

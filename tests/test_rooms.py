@@ -26,9 +26,9 @@ ROOMS = [
     {"fnnq_torchrl.studies"},
     {"fnnq_torchrl"},
 ]
-"""From the bottom up. Rooms in one set don't import each other; the last has the commands."""
+"""The rooms, from the bottom up. Rooms in one set don't import each other; the last is commands."""
 
-# The only places that may import a library that is slow to load or belongs at the edge.
+# The only places that may import each library that is slow to load or belongs at the edge.
 ONLY_IN = {
     "gymnasium": ["envs.gymnasium"],
     "hydra": ["fnnq_torchrl.launch", "hydra_plugins"],
@@ -73,7 +73,7 @@ def floor(module: str) -> int:
 def imports(module: str) -> set[str]:
     """Return every name that the module imports, at its top or in a function.
 
-    `from a.b import c` counts as a.b.c, since c may be a module; `own` finds out.
+    `from a.b import c` counts as a.b.c, since c may be a module; `own` finds its module.
     """
     package = module if FILES[module].name == "__init__.py" else module.rpartition(".")[0]
     names = set()
@@ -87,7 +87,7 @@ def imports(module: str) -> set[str]:
 
 
 def own(name: str) -> str | None:
-    """Return the module of ours that has an imported name, or None."""
+    """Return the module of this repository that has an imported name, or None."""
     while name and name not in FILES:
         name = name.rpartition(".")[0]
     return name or None

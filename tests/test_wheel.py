@@ -1,4 +1,4 @@
-"""The wheel, as a user without a checkout installs it."""
+"""The wheel, installed without a checkout as by a user."""
 
 import os
 import subprocess
@@ -91,7 +91,7 @@ def test_trains_from_another_directory_with_its_declared_dependencies_alone(
         str(site / "fnnq_torchrl"),
     ]
 
-    # A package envs of the user's own, which `python -m` finds first.
+    # The user's own package ``envs``, which `python -m` finds before ours.
     (home / "envs").mkdir()
     (home / "envs" / "__init__.py").write_text("raise RuntimeError")
     hidden = subprocess.run(

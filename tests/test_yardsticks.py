@@ -14,7 +14,7 @@ BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 def test_a_c_program_prints_its_rate(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.syspath_prepend(BENCHMARKS)  # as for a script there
+    monkeypatch.syspath_prepend(BENCHMARKS)  # as Python does for a script there
     from watched import run_watched
     from yardsticks import FOLDER, readings_of
 

@@ -38,8 +38,8 @@ def test_all_weights_are_zero_at_the_start_and_so_is_q() -> None:
     assert torch.equal(q, torch.zeros(3, 21, dtype=torch.float64))
 
 
-# With w = 10·i + j for bearing label i and action label j. By the symmetry of the labels the first
-# is their mean; the others come from eq. 7 and 8 written out with 17 digits in plain Python.
+# The consequents are w = 10·i + j for bearing label i and action label j. The first value is their
+# mean, since the labels are symmetric. The others are eq. 7 and 8, computed in plain Python.
 @pytest.mark.parametrize(
     ("width", "bearing", "action", "expected"),
     [
@@ -60,8 +60,9 @@ def test_q_of_the_papers_labels(width: str, bearing: float, action: float, expec
 
 
 def test_the_gradient_by_hand() -> None:
-    # At Δθ = 0 the shares are those of 0.457833, 0.606531, 1, …, in 3.128728; at Δv = 0.4 those of
-    # exp(-6.125) = 0.002187, exp(-3.555556) = 0.028566, 1 and exp(-1.125) = 0.324652, in 1.355406.
+    # The shares at Δθ = 0 are 0.457833, 0.606531, 1, …, divided by their sum 3.128728. At Δv = 0.4
+    # they are exp(-6.125) = 0.002187, exp(-3.555556) = 0.028566, 1 and exp(-1.125) = 0.324652,
+    # divided by their sum 1.355406.
     bearing = torch.tensor([0.146332, 0.193859, 0.319619, 0.193859, 0.146332]).double()
     action = torch.tensor([0.001614, 0.021075, 0.737787, 0.239524]).double()
     network = fill(papers_network())
@@ -149,7 +150,7 @@ def test_a_batch_of_runs_equals_each_runs_own_network(inputs: dict) -> None:
         for run in range(runs):
             alone = FNNQValue(inputs, ACTION, CANDIDATES)
             alone.weight.copy_(network.weight[run : run + 1])
-            for t in range(steps):  # each state of the sequence by itself, too
+            for t in range(steps):  # each state of the sequence alone gives the same
                 its = [x[run : run + 1, t] for x in observations]
                 its_action = None if actions is None else actions[run : run + 1, t]
                 own = alone(*its, action=its_action)

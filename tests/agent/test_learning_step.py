@@ -16,13 +16,13 @@ from tests.oracles.q_lambdas import q_lambda
 from tests.oracles.random_mdp import ACTIONS, STATES, RandomMDP, Walk
 from tests.programs import advance, config, make_learner, make_runs
 
-CRISP = 0.01  # width of labels that are 1 apart, so that all other memberships are 0
+CRISP = 0.01  # width of labels at a distance of 1: at a centre, all other memberships are 0
 STEPS = 150
 
 
 @pytest.fixture(scope="module")
 def mdp_runs() -> TensorDict:
-    """Runs that differ in every value; each λ comes three times with small and with large ε."""
+    """Return runs that differ in every value; each λ comes three times with small and large ε."""
     generator = torch.Generator().manual_seed(1)
     lam = torch.tensor([0.0, 0.2, 0.8, 1.0]).double().repeat(6)
     runs = len(lam)
@@ -62,7 +62,7 @@ def mdp_learner(runs: int, rule: Rule, step_size: str = "decay") -> Learner:
 
 
 def own_values(runs: TensorDict, i: int) -> dict[str, float]:
-    """Return the arguments of a learner in plain Python."""
+    """Return the arguments that give the plain-Python learner the values of run i."""
     return {key: runs[key][i].item() for key in set(runs.keys()) - {"situations"}}
 
 
@@ -147,7 +147,7 @@ def test_with_crisp_labels_every_step_size_is_the_tabular_one(
 
 @torch.no_grad()
 def test_no_two_q_lambdas_are_the_same() -> None:
-    """The labels overlap, so the readings of the trace differ too."""
+    """The readings of the trace differ too, because the labels overlap."""
     settings = config("machine.dtype=float64", "lam=0.7", "epsilon=0.3")
     run = make_runs(settings, 8)
     weights = {}
@@ -211,7 +211,7 @@ def test_every_value_of_a_run_acts_on_that_run_alone(exploration: str) -> None:
     changed = base.clone()
     amount = EXPLORATIONS[exploration]
     for key in AMOUNTS.keys() - {amount} | {"kappa"}:
-        changed[key] += 0.1  # of another policy or step size
+        changed[key] += 0.1  # a value that this policy or step size doesn't use
     for lane, (key, value) in enumerate((CHANGES | {amount: AMOUNTS[amount]}).items()):
         changed[key][lane] = value
     learner = make_learner(settings, base)
@@ -265,10 +265,10 @@ def test_a_run_whose_values_leave_all_bounds_has_diverged_and_stops_counting() -
     learner = make_learner(settings, run)
     state = learner.begin(run)
     bound = learner.largest_value
-    assert bound == 100  # of the largest return, a catch
+    assert bound == 100  # in units of the largest return, that of a catch
     for i, weight in enumerate((0.99 * bound, -1.01 * bound, torch.nan, 1.01 * bound)):
         state["weights", "weight"][i] = weight
-    state["over"][3] = True  # its values no longer count
+    state["over"][3] = True  # the values of a run that is over don't count
     first = learner.step(run, state)
     assert first["diverged"].squeeze(-1).tolist() == [False, True, True, False]
     assert first["over"].squeeze(-1).tolist() == [False, True, True, False]
@@ -307,7 +307,7 @@ def test_a_step_traced_is_the_step(options: tuple[str, ...]) -> None:
     learner = make_learner(settings, run)
     graph = graphs.trace(learner.step, run, learner.begin(run))
     state = advance(learner, run, 9)
-    for _ in range(6):  # an end is among them
+    for _ in range(6):  # the six steps include the end of an episode
         before = graphs.leaves(state)
         traced = graph(*graphs.leaves(run).values(), *before.values())
         state = learner.step(run, state)

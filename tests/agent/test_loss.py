@@ -40,7 +40,7 @@ def fnn(runs: int = RUNS) -> ValueNetwork:
 
 
 class Perceptron(ValueNetwork):
-    """A value network with one hidden layer, and with weights of each run's own."""
+    """A value network with one hidden layer and separate weights for each run."""
 
     def __init__(self, runs: int = RUNS, hidden: int = 6) -> None:
         super().__init__(["bearing"], CANDIDATES)
@@ -75,7 +75,7 @@ def episodes() -> TensorDict:
     rewards = history["next", "reward"]
     assert (rewards > 0).any()
     assert (rewards < 0).any()
-    assert not history["next", "done"][:, -1].all()  # some are cut short by the end of the history
+    assert not history["next", "done"][:, -1].all()  # the history cuts off some episodes
     return history
 
 
@@ -88,7 +88,7 @@ def seen_by(network: ValueNetwork, history: TensorDict) -> TensorDict:
 def torchrl_gradient(
     network: ValueNetwork, history: TensorDict, estimator: ValueEstimators, **kwargs: float
 ) -> dict[str, Tensor]:
-    """Return Σ(G − Q)∇Q of every run, from TorchRL's own loss Σ(G − Q)², by the weights' names."""
+    """Return each run's Σ(G − Q)∇Q by weight name, from TorchRL's own loss Σ(G − Q)²."""
 
     class AllCandidates(nn.Module):
         def __init__(self) -> None:
@@ -231,7 +231,7 @@ def test_after_step_h_the_trace_networks_output_has_risen_by_exactly_one(
     trace.trace = {"weight": fill(fnn(1), seed + 1).weight.detach()}
 
     def output() -> Tensor:
-        """Return the output of a network like that for Q, with the trace as its weights."""
+        """Return the output at (s, a) of a copy of the Q-network whose weights are the trace."""
         weights = {"weight": trace.trace["weight"]}
         return torch.func.functional_call(
             network, weights, (batch["bearing"],), {"action": batch["action"]}

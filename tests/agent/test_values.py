@@ -28,14 +28,14 @@ from tests.programs import SMALL_WORLD, advance, config, in_lanes, make_learner,
 CANDIDATES = torch.linspace(-1, 1, 21, dtype=torch.float64)
 RUNS = 3
 SMALL = {"mlp": ["value.widths=[6]"], "tiles": ["value.tilings=4", "value.tiles=3"]}
-"""Overrides for the kinds that are large by default."""
+"""Overrides that shrink the kinds of value function that are large by default."""
 
 IN_DOUBLE = ("alpha=0.1", "machine.dtype=float64")
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "values.md"
 
-numbers = st.integers(-200, 200).map(lambda n: n / 101)  # on no border but at 0
+numbers = st.integers(-200, 200).map(lambda n: n / 101)  # the only border of cells or tiles is 0
 
 
 @cache
@@ -165,7 +165,7 @@ def test_a_perceptrons_start(sparsity: float, zeros: list[int]) -> None:
         assert (start[f"bias_{layer}"] == 0).all()
         assert torch.equal(weight[0], weight[2])
         assert not torch.equal(weight[0], weight[1])
-    # Each unit has zeros in places of its own; the other weights are uniform.
+    # Not all units have their zeros at the same inputs; the other weights are uniform.
     weight = start["weight_1"][0]
     assert sparsity == 0 or len((weight == 0).unique(dim=0)) > 1
     drawn = weight[weight != 0] * math.sqrt(8)
@@ -197,7 +197,7 @@ def test_a_compiled_value_function_of_ones_own_is_eager(there: Path) -> None:
 
 
 def agrees_with_the_compiled(small: Config) -> None:
-    """The eager learning step and the native loop of it come to the same weights."""
+    """Check that the eager learning step and its native loop learn the same weights."""
     runs = make_runs(small, LANES, lam=torch.linspace(0, 1, LANES))
     learner = make_learner(small, runs)
     expected = advance(learner, runs, 20)["weights"]
@@ -223,7 +223,7 @@ def test_far_from_every_centre_radial_basis_functions_are_zero() -> None:
 
 @pytest.fixture(scope="module")
 def with_fourier(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A directory with only the page's two files."""
+    """Return a directory that has only the two files of the page in the documentation."""
     root = tmp_path_factory.mktemp("own")
     (root / "my_conf" / "value").mkdir(parents=True)
     for language, path in (("python", "fourier.py"), ("yaml", "my_conf/value/fourier.yaml")):

@@ -1,4 +1,4 @@
-"""The schema, the values under ``conf/``, and what they make together."""
+"""The schema, the values under ``conf/``, and the configurations composed from both."""
 
 import subprocess
 import sys
@@ -25,16 +25,16 @@ from fnnq_torchrl.launch.composition import load_config
 
 CONF = config_directory()
 FILES = {path.relative_to(CONF) for path in CONF.rglob("*") if path.is_file()}
-# An experiment is added to a configuration; each other group has one choice in it.
+# An experiment is added with a +, because none is chosen by default; other groups have a default.
 CHOICES = {
     path: f"{'+' * (path.parent.name == 'experiment')}{path.parent}={path.stem}"
     for path in sorted(FILES - {Path("config.yaml"), Path("action/all.yaml")})
-    if path.parent != Path("value/labels")  # a task chooses those
+    if path.parent != Path("value/labels")  # the task chooses the labels
 }
 
 EVERY_LOGGER = "logger=[csv,wandb,tensorboard,mlflow]"
 NONSENSE = "non/sense " * 30
-"""Too long and too odd even for a name."""
+"""A text that is too long for a file name and has characters that names can't have."""
 
 
 @pytest.fixture(scope="module")
@@ -262,7 +262,7 @@ def test_an_entry_of_a_list_has_the_lists_range():
     [("fnnq", 0.4), ("rbf", 0.05), ("table", 0.05), ("tiles", 0.1), ("mlp", 0.2)],
 )
 def test_a_value_function_brings_its_step_size(value, alpha):
-    """The best of the sweep, as the experiment that follows it has it, unless alpha is set."""
+    """The default is the sweep's best α, which the experiment on extrapolation has too."""
     assert load_config(f"value={value}").alpha == alpha
     assert load_config(f"value={value}", "step_size=constant").alpha == alpha
     assert load_config(f"value={value}", "step_size=obgd").alpha == 1
@@ -282,7 +282,7 @@ def test_a_step_size_brings_its_values_and_yields_to_the_users(given):
 
 @pytest.fixture
 def own_task(tmp_path):
-    """A configuration directory with a user's own task on our world."""
+    """Return a configuration directory with a user's own task on our world."""
     for name, text in {
         "task/mine.yaml": "# @package _global_\n"
         "defaults: [/env: follow_ball, /action: even, /evaluation: random]\n",
@@ -299,7 +299,7 @@ def own_task(tmp_path):
 @pytest.mark.parametrize(
     ("given", "alpha", "alpha_decay"),
     [
-        ((), 0.7, 0.99),  # the step size says how it decays
+        ((), 0.7, 0.99),  # the choice of the step size sets alpha_decay
         (("value=mine",), 0.6, 0.99),
         (("value=mine", "step_size=obgd"), 1, 1),
         (("step_size=obgd", "value=mine", "alpha=0.2"), 0.2, 1),

@@ -40,7 +40,7 @@ def test_the_last_seeds_can_be_in_a_batch_too() -> None:
 
 @given(configs=st.lists(CONFIGS, min_size=2, max_size=4), data=st.data())
 def test_runs_are_found_among_others(configs: list[Config], data: st.DataObject) -> None:
-    """Each run is found once, even if two are the same."""
+    """Each run is found once, even if two runs are equal."""
     all_runs = Runs.of(configs)
     some = data.draw(st.permutations(configs))[: data.draw(st.integers(1, len(configs)))]
     runs = Runs.of(some)

@@ -22,7 +22,7 @@ LITTLE, MUCH = load_config("situations=5"), load_config("situations=10000")
 
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
-    """Installs a program on a search path that is empty at first."""
+    """Return a function that installs a program on a search path that is empty at first."""
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CXX", raising=False)
     build._target.cache_clear()
@@ -55,7 +55,7 @@ def test_more_work_never_makes_it_eager_again(install: Callable[[str], Path]) ->
     names = [choose_engine(replace(LITTLE, situations=5 * 2**n), 1).name for n in range(12)]
     assert names == sorted(names, reverse=True)  # first eager, then compiled
     assert set(names) == {"eager", "compiled"}
-    # Runs take their steps side by side, so many cost little more than one.
+    # Runs take their steps side by side, so 1,000 runs take little longer than one.
     assert choose_engine(LITTLE, 1000).name == "eager"
 
 

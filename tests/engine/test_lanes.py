@@ -48,7 +48,7 @@ def test_few_lanes_are_idle(jobs: int, workers: int) -> None:
 
 @given(st.integers(1, 10**5), some_workers)
 def test_there_are_four_sizes_from_a_number_to_its_double(jobs: int, workers: int) -> None:
-    # So a program compiled for one number of jobs serves many others.
+    # With few sizes, a program compiled for one number of jobs serves many others.
     units = range(jobs, 2 * jobs, max(1, jobs // 1000))
     sizes = {lanes_for(LANES * workers * n, workers, most=2**30) for n in units}
     assert len(sizes) <= 5  # both ends count
@@ -77,7 +77,7 @@ def assert_same_bits(state: TensorDict, other: TensorDict) -> None:
 
 @pytest.fixture(scope="module")
 def together() -> tuple[TensorDict, TensorDict]:
-    """Runs of the default configuration, and their state after learning side by side."""
+    """Return runs of the default configuration, and their state after learning side by side."""
     run = make_runs(config(), RUNS)
     return run, learn(run, STEPS)
 
@@ -89,7 +89,7 @@ def test_alone_or_in_a_batch(together: tuple[TensorDict, TensorDict]) -> None:
 
 def test_among_runs_of_other_configurations(together: tuple[TensorDict, TensorDict]) -> None:
     run, state = together
-    count = 75  # enough to change the lanes too
+    count = 75  # enough to change the number of lanes too
     others = make_runs(
         config(),
         count,

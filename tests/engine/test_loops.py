@@ -1,4 +1,4 @@
-"""Compiled loops equal the eager one, and each other."""
+"""Compiled loops equal the eager loop, and each other."""
 
 from collections.abc import Callable
 
@@ -31,7 +31,7 @@ KINDS = [NativeLoop, InductorLoop]
 def tiny_step(rate: float = 0.01, offset: float = 0.5) -> Callable[[int], Step]:
     """Return a step of gradient descent, for weights in single and in double precision.
 
-    In the graph, the rate becomes a number and the offset a tensor.
+    In the traced graph the rate becomes a number and the offset a tensor.
     """
     offsets = torch.tensor([0.0, offset, -offset])
 
@@ -64,7 +64,7 @@ def tiny_step(rate: float = 0.01, offset: float = 0.5) -> Callable[[int], Step]:
 
 @pytest.fixture(scope="module")
 def tiny() -> tuple[TensorDict, TensorDict]:
-    """The entries that stay the same, and a state."""
+    """Return ``stays``, the entries that no step changes, and a first state."""
     generator = torch.Generator().manual_seed(0)
     w = torch.randn(LANES, 3, generator=generator)
     zero = torch.zeros(LANES, 1, dtype=torch.int64)
@@ -86,7 +86,7 @@ def tiny_loop(request, compiler: None, tiny: tuple[TensorDict, TensorDict]) -> L
 
 
 def run(loop: Loop, stays: TensorDictBase, state: TensorDictBase, steps: int) -> TensorDictBase:
-    """Return the state after so many more steps."""
+    """Return the state after the given number of further steps."""
     running = loop(stays, state)
     running.advance(steps)
     return running.state
@@ -100,7 +100,7 @@ def different(state: TensorDictBase, other: TensorDictBase) -> list[str]:
 
 
 def assert_close(state: TensorDictBase, other: TensorDictBase) -> None:
-    """Check that whole numbers and booleans are equal, and real ones equal to rounding."""
+    """Check that whole numbers and booleans are equal, and real numbers equal to rounding."""
     some, others = (td.flatten_keys("/").to_dict() for td in (state, other))
     assert some.keys() == others.keys()
     for key, leaf in some.items():
@@ -142,7 +142,7 @@ def look_for(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
 def test_a_step_whose_python_looks_at_data_is_refused(
     tiny: tuple[TensorDict, TensorDict], step: Step, kind: MakeLoop
 ) -> None:
-    # If it were traced, it would always do what it did for the first state.
+    # A trace would repeat the branch that was taken for the first state.
     with pytest.raises(RuntimeError, match=r"(?i)data.dependent|dynamic output shape"):
         kind(lambda lanes: step, *tiny)
 
@@ -272,11 +272,11 @@ def test_a_program_is_given_what_it_is_for(tiny: tuple[TensorDict, TensorDict]) 
         loop(stays[:3], state[:3])
     with pytest.raises(ValueError, match="a program for"):
         loop(stays, state.double())
-    with pytest.raises(RuntimeError, match="locked"):  # the program would keep the old one
+    with pytest.raises(RuntimeError, match="locked"):  # the program would keep the old tensor
         loop(stays, state).state["n"] = state["n"]
 
 
-# -- lanes that are over --------------------------------------------------------------------------
+# -- lanes whose jobs are over --------------------------------------------------------------------
 
 
 def countdown(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
@@ -303,7 +303,7 @@ def test_steps_end_where_all_are_over_and_nobody_is_cut_short(kind: MakeLoop) ->
 
 
 def test_any_number_of_loops_are_made_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    # torch.compile gives up on a function that it has compiled so many times, by default eight.
+    # torch.compile gives up on a function after this number of compilations, by default eight.
     monkeypatch.setattr(torch._dynamo.config, "recompile_limit", 2)
     zero = torch.zeros(LANES, 1, dtype=torch.int64)
     args = TensorDict({"until": zero}, [LANES]), TensorDict({"n": zero, "over": zero > 0}, [LANES])
@@ -314,7 +314,7 @@ def test_any_number_of_loops_are_made_in_one_process(monkeypatch: pytest.MonkeyP
 # -- the learner -----------------------------------------------------------------------------------
 
 RUNS, STEPS = 40, 50
-LONGER = 300  # so that a difference in a last bit shows
+LONGER = 300  # steps after which a difference in a last bit shows
 Compiled = tuple[TensorDict, Learner, Loop]
 
 
@@ -448,7 +448,7 @@ def test_neither_lanes_nor_workers_matter_to_runs_that_take_turns(batch: Compile
 
 
 def test_runs_that_diverge_do_so_as_they_do_eagerly(batch: Compiled) -> None:
-    """NaN and infinity stay in the runs that have them."""
+    """NaN and infinity don't spread from a run to others."""
     stays = batch[0].clone()
     stays["alpha"][::2] = 1e30
     huge = (stays, *batch[1:])

@@ -30,7 +30,10 @@ class AnyLanes(EagerLoop):
 
 
 class Collatz:
-    """Job j begins with x = 27 + j and repeats x ← x/2 or 3x + 1 + j as often as its length."""
+    """Jobs with known results: job j starts at x = 27 + j and takes ``lengths[j]`` steps.
+
+    A step is x ← x/2 for an even x, and x ← 3x + 1 + j otherwise.
+    """
 
     def __init__(self, lengths: Sequence[int]) -> None:
         self.lengths = torch.tensor(lengths, dtype=torch.int64)
@@ -59,7 +62,7 @@ class Collatz:
         left = state["left"].squeeze(-1)
         for lane, job in enumerate(jobs.tolist()):
             if job >= 0:
-                assert state["nested", "job"][lane] == job  # a lane's job is whole
+                assert state["nested", "job"][lane] == job  # all entries are of one job
                 if left[lane] == 0:
                     assert job not in self.results
                     self.results[job] = int(state["x"][lane])
@@ -183,7 +186,7 @@ def test_gradients_are_off_in_every_worker() -> None:
 
 
 class Failing(Collatz):
-    """Jobs of which one fails, after every worker has received one."""
+    """Jobs of which one fails, after every worker has received a job."""
 
     def __init__(self, lengths: Sequence[int], fails: int, workers: int) -> None:
         super().__init__(lengths)
@@ -204,7 +207,7 @@ class Failing(Collatz):
 
 @pytest.mark.parametrize(("workers", "fails"), [(1, 0), (2, 0), (2, 1)])
 def test_a_workers_failure_ends_all_and_is_told(workers: int, fails: int) -> None:
-    # The failure of any worker is reported before the others have emptied the queue.
+    # A worker's failure is reported before the other workers have emptied the queue.
     jobs = 2_000
     task = Failing([1] * jobs, fails, workers)
     with pytest.raises(ZeroDivisionError, match=f"^job {fails}$"):

@@ -19,25 +19,25 @@ def world() -> FollowBallConfig:
 
 @pytest.fixture(scope="session")
 def one_side() -> FollowOneSideConfig:
-    """The world whose balls begin on one side, and later on the other."""
+    """The world whose balls start on one side, and later on the other."""
     return load_config("env=follow_one_side").env
 
 
 @pytest.fixture(scope="session")
 def wander() -> TensorDictModule:
-    """Return random actions, drawn from the run's own random numbers."""
+    """Return a policy of random actions, drawn from the run's own random numbers."""
     return policy(lambda bearing, chance: 2 * chance - 1)
 
 
 @pytest.fixture(scope="session")
 def follow() -> TensorDictModule:
-    """Steer towards the ball with some noise: most situations end in a catch, at various steps."""
+    """Return a policy that steers noisily to the ball, with catches after various times."""
     return policy(lambda bearing, chance: (chance - 0.5 - 5 * bearing).clamp(-1, 1))
 
 
 @pytest.fixture(scope="session")
 def straight() -> TensorDictModule:
-    """Drive straight on."""
+    """Return a policy that drives straight on."""
     return policy(lambda bearing, chance: torch.zeros_like(bearing))
 
 

@@ -35,7 +35,7 @@ def test_gymnasiums_checker_finds_nothing(world, monkeypatch):
 @settings(max_examples=5)
 @given(seed=st.integers(0, 2**63 - 1), chooser=st.integers(0, 2**32 - 1))
 def test_it_is_the_same_world_bit_for_bit(seed, chooser, world):
-    """The same actions give FollowBall's own history, over two ends of situations."""
+    """The same actions give the same history as FollowBall, until two situations have ended."""
     env = GymWorld(world, CANDIDATES)
     twin = FollowBall(world, seed=torch.tensor(seed))
     choose = np.random.default_rng(chooser)

@@ -23,7 +23,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "worlds.md"
 
 @pytest.fixture(scope="module")
 def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A directory with only the page's files."""
+    """Return a directory that has only the files of docs/worlds.md."""
     root = tmp_path_factory.mktemp("own")
     files = re.findall(
         r"\*\*`([\w./]+)`\*\*.*?```(?:python|yaml)\n(.*?)```", PAGE.read_text(), re.DOTALL

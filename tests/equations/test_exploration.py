@@ -17,7 +17,7 @@ from fnnq_torchrl.equations.exploration import (
 )
 from tests.oracles import peng
 
-GRID = 840  # divisible by 1, …, 8: its cells fall evenly on so many choices
+GRID = 840  # divisible by 1, …, 8, so that each of 1, …, 8 choices gets the same number of cells
 DTYPES = pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 
 
@@ -43,12 +43,12 @@ def test_greedy_breaks_every_pattern_of_ties_evenly(
 @DTYPES
 @pytest.mark.parametrize("epsilon", [0.1, 0.25, 0.5, 0.9])
 def test_in_between_every_candidate_has_its_probability(epsilon: float, dtype: torch.dtype) -> None:
-    # Among 5 candidates, 2 of them best: each ε/5, and the best (1 − ε)/2 more.
+    # 2 of the 5 candidates are best. Each candidate has ε/5, and each best one (1 − ε)/2 more.
     cells = 20_000
     counts = choose([0, 7, 1, 7, -3], epsilon, grid(cells, dtype)).bincount(minlength=5)
     other, best = epsilon / 5, epsilon / 5 + (1 - epsilon) / 2
     expected = cells * torch.tensor([other, best, other, best, other])
-    assert (counts - expected).abs().max() <= 2  # at the edges of the shares
+    assert (counts - expected).abs().max() <= 2  # at the shares' edges
 
 
 @DTYPES
@@ -62,7 +62,8 @@ def test_every_run_has_its_own_epsilon_and_values(dtype: torch.dtype) -> None:
     values = torch.tensor([[0, 5, 5], [1, 0, 0], [0, 0, 5]], dtype=dtype)
     epsilon = torch.tensor([0.0, 1.0, 0.5], dtype=dtype)
     u = torch.tensor([0.4, 0.4, 0.8], dtype=dtype)
-    # Greedy; the second third of [0, 1); 0.8 is 0.6 of the way from ε to 1, the second of two.
+    # Runs: greedy; u in the second third of [0, 1); u = 0.8, which is 0.6 of the way from ε to 1
+    # and so chooses the second of two.
     assert epsilon_greedy(values, epsilon, u).tolist() == [1, 1, 2]
 
 

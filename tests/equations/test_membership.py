@@ -27,7 +27,7 @@ labels = st.lists(
 
 
 def test_membership_is_one_at_the_centre_and_falls_off_by_the_width() -> None:
-    x = torch.tensor([0.1, 0.2, 0.0, 0.3]).double()  # at 0.1, and 1, 1 and 2 widths from it
+    x = torch.tensor([0.1, 0.2, 0.0, 0.3]).double()  # 0, 1, 1 and 2 widths from the centre
     mu = log_membership(x, CENTRES, INVERSE_WIDTHS).exp()
     assert mu.shape == (5, 4)
     expected = torch.tensor([1.0, 0.606530659712633, 0.606530659712633, 0.135335283236613]).double()
@@ -35,8 +35,8 @@ def test_membership_is_one_at_the_centre_and_falls_off_by_the_width() -> None:
 
 
 def test_shares_at_zero_by_hand() -> None:
-    # μ(0): exp(-0.78125) = 0.457833 at the far labels, exp(-0.5) = 0.606531 at the near ones, 1 in
-    # the middle; together 3.128728.
+    # μ(0) is exp(-0.78125) = 0.457833 for the two far labels, exp(-0.5) = 0.606531 for the two near
+    # labels and 1 for the middle one. The sum is 3.128728.
     shares = firing_shares(torch.zeros(1).double(), CENTRES, INVERSE_WIDTHS).flatten()
     expected = torch.tensor([0.146332, 0.193859, 0.319619, 0.193859, 0.146332]).double()
     torch.testing.assert_close(shares, expected, rtol=0, atol=5e-7)
@@ -50,7 +50,7 @@ def test_shares_are_each_labels_part_of_all_membership(
     torch.testing.assert_close(shares.sum(0), torch.ones(len(xs), dtype=torch.float64))
     for x, column in zip(xs, shares.T, strict=True):
         mu = [membership(x, label) for label in labels]
-        if sum(mu) > 1e-100:  # below that, the plain quotient loses its digits
+        if sum(mu) > 1e-100:  # with smaller sums the plain quotient loses digits
             expected = torch.tensor([m / sum(mu) for m in mu], dtype=torch.float64)
             torch.testing.assert_close(column, expected, rtol=1e-9, atol=1e-12)
 

@@ -13,7 +13,7 @@ def real(*values: float) -> Tensor:
 
 
 def test_the_two_errors() -> None:
-    # Runs: a greedy action; an exploratory one; the same at an end, where V(s′) counts as 0.
+    # Runs: a greedy action; an exploratory one; an exploratory one at an end, where V(s′) is 0.
     td_error, chosen_td_error = td_errors(
         reward=real(1.0, 1.0, 1.0),
         terminated=torch.tensor([False, False, True]),

@@ -21,7 +21,8 @@ def test_it_decays_after_a_success_only() -> None:
 
 
 def test_obgd_by_hand() -> None:
-    # Two tensors of weights; runs: beyond the bound, with a small error and a large one; within it.
+    # Two tensors of weights, three runs: a small error beyond the bound, a large error beyond the
+    # bound, and an error within the bound.
     trace = [real(1, 1, 0.25).view(1, 3), real(-3, -3, 0, 0, 0, -0.25).view(2, 3)]
     step = obgd(real(0.5, 0.5, 0.5), real(2, 2, 2), real(0.25, 3, 1.5), trace)
     # ‖z‖₁ = 4, 4, 0.5 and δ̄ = 1, 3, 1.5, so M = 0.5·2·δ̄·‖z‖₁ = 4, 12, 0.75.
@@ -51,20 +52,20 @@ def test_obgd_bounds_the_step(alpha: float, kappa: float, error: float, z: Tenso
     reach = kappa * max(error, 1) * z.abs().sum().item()
     assert step <= alpha
     assert step * reach <= 1 + 1e-12
-    assert step == alpha or step * reach == pytest.approx(1)  # no smaller than needed
+    assert step == alpha or step * reach == pytest.approx(1)  # the step is no smaller than needed
 
 
 @given(st.floats(0.001, 10), numbers, vectors, vectors, vectors, st.floats(0, 1))
 def test_a_linear_step_by_alpha_bound_turns_no_error(
     alpha: float, reward: float, z: Tensor, phi: Tensor, phi_ahead: Tensor, gamma: float
 ) -> None:
-    """The TD error of the same transition, before and after w ← w + αδz, from w = 0."""
+    """After w ← w + αδz from w = 0, the TD error of the same transition keeps its sign."""
     step = alpha_bound(real(alpha), [z], [gamma * phi_ahead - phi])
     assert step.item() <= alpha
     w = step * reward * z
     after = reward + ((gamma * phi_ahead - phi) * w).sum().item()
     assert after * reward >= -1e-9 * reward**2
-    if step.item() < alpha:  # the largest step that turns no error
+    if step.item() < alpha:  # a reduced step is the largest that turns no error
         assert after == pytest.approx(0, abs=1e-9 * abs(reward))
 
 
@@ -94,7 +95,7 @@ def test_kappa_is_obgds_and_every_runs_own() -> None:
     before, after = (advance(learner, run, 40) for run in (base, changed))
     differs = (before["weights", "weight"] != after["weights", "weight"]).flatten(1).any(1)
     assert differs.tolist() == [False, True, False]
-    assert torch.equal(before["alpha"], base["alpha"])  # each step computes it from the same α
+    assert torch.equal(before["alpha"], base["alpha"])  # each step starts from the same α
 
 
 @torch.no_grad()

@@ -23,10 +23,10 @@ def test_squared_norm_is_over_all_of_a_runs_weights() -> None:
 
 
 def test_the_two_readings_of_step_h() -> None:
-    gradient = [real(0.5, 0.5, 1.0, 1.0).view(2, 2)]  # of two runs: (0.5, 1) and (0.5, 1)
+    gradient = [real(0.5, 0.5, 1.0, 1.0).view(2, 2)]  # two runs with the same (0.5, 1)
     assert GradientTrace().scale(gradient) == 1
     assert torch.equal(OutputTrace().scale(gradient), real(0.8, 0.8))
-    # For a table they are the same: the gradient is 1 in one place.
+    # For a table the two are the same, because its gradient is 1 in one place.
     table = [real(0.0, 1.0, 0.0).view(3, 1)]
     assert torch.equal(OutputTrace().scale(table), real(1.0))
 
@@ -37,7 +37,7 @@ def test_where_nothing_can_raise_the_output_nothing_is_added() -> None:
 
 
 def test_one_step_of_credit_by_hand() -> None:
-    # Two weights, four runs: λ > 0; λ = 0; an end; cut before this step.
+    # Two weights, four runs: λ > 0; λ = 0; an end of the episode; a trace cut before this step.
     trace = real(2.0, -4.0).view(2, 1).expand(2, 4)
     gradient = real(0.5, 0.25).view(2, 1).expand(2, 4)
     credit = Credit(
@@ -48,11 +48,12 @@ def test_one_step_of_credit_by_hand() -> None:
         goes_on=real(1.0, 1.0, 0.0, 1.0),
         at_once=False,
     )
-    # e = (1, −2): Δw = −(1, −2) + 2·(0.5, 0.25) = (0, 2.5), then e + (0.5, 0.25).
+    # The decayed trace is e = (1, −2). Δw = −(1, −2) + 2·(0.5, 0.25) = (0, 2.5), and the new trace
+    # is e + (0.5, 0.25).
     [(direction, after)] = GradientTrace().update([trace], [gradient], credit)
     assert torch.equal(direction, real(0.0, 1.0, 0.0, 1.0, 2.5, 0.5, 2.5, 0.5).view(2, 4))
     assert torch.equal(after, real(1.5, 0.5, 0.0, 0.5, -1.75, 0.25, 0.0, 0.25).view(2, 4))
-    # By output, f/‖f‖² is added: ‖f‖² = 0.3125.
+    # The reading ``output`` adds f/‖f‖², with ‖f‖² = 0.3125.
     [(direction, after)] = OutputTrace().update([trace], [gradient], credit)
     assert torch.equal(direction, real(0.0, 1.0, 0.0, 1.0, 2.5, 0.5, 2.5, 0.5).view(2, 4))
     expected = real(2.6, 1.6, 0.0, 1.6, -1.2, 0.8, 0.0, 0.8).view(2, 4)
@@ -60,13 +61,13 @@ def test_one_step_of_credit_by_hand() -> None:
 
 
 def test_a_replacing_trace_by_hand() -> None:
-    # e fades from (2, −4, 0.5) to (1, −2, 0.25), and f = (0.5, −3, 0.25).
+    # The trace decays from (2, −4, 0.5) to (1, −2, 0.25), and f = (0.5, −3, 0.25).
     trace, gradient = (real(*x).view(3, 1) for x in ((2.0, -4.0, 0.5), (0.5, -3.0, 0.25)))
     credit = Credit(real(-1.0), real(2.0), real(0.5), None, real(1.0), at_once=False)
     for at_once, direction in ((False, (0.0, -4.0, 0.25)), (True, (2.0, -6.0, 0.5))):
         credit = credit._replace(at_once=at_once)
         [(found, after)] = ReplacingTrace().update([trace], [gradient], credit)
-        # −(1, −2, 0.25) + 2f, or 2·(1, −3, 0.25).
+        # Either −(1, −2, 0.25) + 2f, or 2·(1, −3, 0.25).
         assert found.flatten().tolist() == list(direction)
         assert after.flatten().tolist() == [1.0, -3.0, 0.25]
         at_an_end = credit._replace(goes_on=real(0.0))
@@ -75,8 +76,8 @@ def test_a_replacing_trace_by_hand() -> None:
 
 
 def test_a_window_by_hand() -> None:
-    # One weight, two steps kept: 8 one step ago, 4 two steps ago; γλ = 0.5. Runs: going on; cut
-    # before this step; at an end.
+    # One weight and a window of two gradients: 8 one step ago, 4 two steps ago; γλ = 0.5. Runs: one
+    # that goes on; one whose trace is cut before this step; one at an end of the episode.
     gradients = real(8.0, 4.0).view(2, 1, 1).expand(2, 1, 3)
     credit = Credit(
         past_error=real(-1.0, -1.0, -1.0),
@@ -88,7 +89,7 @@ def test_a_window_by_hand() -> None:
     )
     present = real(1.0).view(1, 1).expand(1, 3)
     [(direction, after)] = WindowTrace(2).update([gradients], [present], credit)
-    # −(0.5·8 + 0.25·4) + 2·1; the oldest is dropped.
+    # Δw of the first run is −(0.5·8 + 0.25·4) + 2·1. The oldest gradient is dropped.
     assert direction.flatten().tolist() == [-3.0, 2.0, -3.0]
     assert after.squeeze(1).tolist() == [[1.0, 1.0, 0.0], [8.0, 0.0, 0.0]]
 

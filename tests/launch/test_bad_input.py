@@ -39,7 +39,7 @@ DAMAGE = {
     "nan": HEADER + "0,0.2,0,0,nan,0,0,9\n0,0.2,5,310,1,0,0,9\n",
     "huge": HEADER + f"0,0.2,0,0,1,0,0,9\n0,0.2,5,{10**30},1,0,0,9\n",
 }
-"""The text of evaluations.csv in each of these directories."""
+"""Damaged texts of evaluations.csv, by the names of the directories that have them."""
 
 
 def finished_job(job: Path, evaluations: str) -> None:
@@ -52,7 +52,7 @@ def finished_job(job: Path, evaluations: str) -> None:
 
 @pytest.fixture(scope="module")
 def around(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A working directory with damaged and foreign files."""
+    """Make a working directory with damaged and foreign files."""
     root = tmp_path_factory.mktemp("around")
     (root / "file").write_text("")
     for job in (root / "another", root / "another" / "0"):
@@ -91,7 +91,7 @@ def run(
                 PAGES[command]()
             status = end.value.code
         told = capsys.readouterr().err
-        if isinstance(status, str):  # Python prints it as it exits
+        if isinstance(status, str):  # Python prints such a status as it exits
             status, told = 1, told + status + "\n"
         assert told.endswith("\n")
         assert told.count("\n") == 1, told
@@ -109,8 +109,8 @@ OTHERS = (
     "was saved with another configuration, engine or version of PyTorch; "
     "take another directory, or start over with "
 )
-# The expected line for each command; one that ends in an ellipsis is only its beginning.
-# Commands that write figures and pages have no keys, so no value of them is out of range.
+# The exit status and the line expected of each command. An ellipsis stands for the rest of a line.
+# Commands that write figures and pages have no configuration keys, so none can be out of range.
 TABLE: dict[str, dict[str, tuple[int, str]]] = {
     "wrong type": {
         "train logger=mlflow logger.mlflow.timeout_s=x": (
@@ -321,7 +321,7 @@ overrides = st.builds(
 lists_of_overrides = st.lists(
     overrides.filter(lambda text: not text.startswith("-")), min_size=1, max_size=3
 )
-# A fifth of the others' examples, since each takes a tenth of a second.
+# A fifth of the examples of the other tests, since each example takes a tenth of a second.
 few = settings(
     max_examples=settings().max_examples // 5,
     suppress_health_check=[HealthCheck.function_scoped_fixture],

@@ -42,7 +42,7 @@ def test_every_job_is_in_one_batch_with_its_like(jobs: list[Job], most_runs: int
             assert differ <= set(BATCHABLE)
         runs = sum(job.config.num_seeds for job in batch)
         assert runs <= most_runs or len(batch) == 1
-    # No two neighbours of a kind would have fitted into one.
+    # No batch has room for the first job of the next batch of its kind.
     for trace in ("output", "gradient"):
         sizes = [
             sum(job.config.num_seeds for job in batch)

@@ -21,7 +21,7 @@ def test_a_sweep_on_this_machine(tmp_path: Path, capsys: pytest.CaptureFixture[s
     submitit = pytest.importorskip("submitit")
     (tmp_path / "1" / "evaluations.csv").mkdir(
         parents=True
-    )  # so that job fails, and the last one too
+    )  # job 1 can't write it, so job 1 and the last job fail
     sweep = ("lam=0,0.4", "alpha=0.4,0.2", *TINY, f"hydra.sweep.dir={tmp_path}", "-m")
     assert fnnq_train("hydra.launcher.cluster=local", *sweep) == 1
     assert "job 1 (lam=0 alpha=0.2 " in capsys.readouterr().err
@@ -36,7 +36,7 @@ def test_a_sweep_on_this_machine(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 class Trainer:
-    """Records the jobs that it is asked to train, and trains none."""
+    """A function in the trainer's place that only records the jobs."""
 
     def __init__(self) -> None:
         self.batches: list[list[str]] = []

@@ -37,7 +37,7 @@ MISTAKES = {
     "hydra.nope=1": "Could not override 'hydra.nope'. To append to your config use +hydra.nope=1",
 }
 QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")  # leaves pytest's logging as it is
-# Commands that a shell has split at a parenthesis, and others that need a special message.
+# Commands with frequent mistakes, such as a split parenthesis, and the message of each.
 UNFRIENDLY = {
     ("lam=0.2,0.3",): "lam=0.2,0.3: several values need -m, a job for each",
     ("seed=range(22)",): "seed=range(22): several values need -m, a job for each",
@@ -61,7 +61,7 @@ class Outcome(NamedTuple):
 
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys) -> Callable[..., Outcome]:
-    """Runs the train command in this process, with a job that only records its arguments."""
+    """Return a function that runs the train command here, with a job that records its arguments."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str, job: Callable[[Config, Path], None] | None = None) -> Outcome:

@@ -1,4 +1,4 @@
-"""What a refused command leaves of its directory."""
+"""The directory and files that a refused command leaves."""
 
 from pathlib import Path
 

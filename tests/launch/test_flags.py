@@ -1,4 +1,4 @@
-"""Flags and overrides, in whatever order they are typed."""
+"""Flags and overrides in any order."""
 
 from itertools import chain, permutations
 

@@ -29,7 +29,7 @@ EARLIER = (
 
 @pytest.fixture
 def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Config]:
-    """The configurations of the jobs that would be trained; they run in ``tmp_path``."""
+    """Return a list that collects the jobs that would be trained; commands run in ``tmp_path``."""
     configs: list[Config] = []
 
     def run_job(config: Config, directory: Path) -> float:
@@ -49,7 +49,7 @@ def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Config]:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Config]:
-    """The directory and the configuration of a job, as the command leaves them."""
+    """Return the directory that the command made for a job, and the job's configuration."""
     configs: list[Config] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(job_module, "run_job", lambda config, directory: configs.append(config))
@@ -60,7 +60,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Config]:
 
 @pytest.fixture
 def earlier(written: tuple[Path, Config], trained: list[Config], tmp_path: Path) -> Config:
-    """The configuration that ``from=earlier`` gives, in a directory that has that job."""
+    """Put the job into the directory ``earlier``; return the configuration of ``from=earlier``."""
     shutil.copytree(written[0], tmp_path / "earlier")
     return replace(written[1], logger=LoggerConfig())  # the job's own loggers aren't taken
 
@@ -137,7 +137,7 @@ def test_its_own_directory_may_be_gone_on_with(earlier: Config, trained: list[Co
 
 @pytest.fixture
 def edit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
-    """Makes the directory ``job``, whose configuration somebody has edited."""
+    """Return a function that makes a directory ``job`` with an edited configuration."""
     monkeypatch.chdir(tmp_path)
     path = Path("job/.hydra/config.yaml")
     path.parent.mkdir(parents=True)

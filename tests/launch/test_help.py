@@ -33,8 +33,8 @@ def test_every_key_of_the_learner_and_the_runs_is_there_with_its_default(page: s
 @pytest.mark.parametrize(
     "words",
     [
-        "λ, decay of the trace, in [0, 1].",  # behind its key
-        "boltzmann: a candidate with probability",  # above it
+        "λ, decay of the trace, in [0, 1].",  # after the key
+        "boltzmann: a candidate with probability",  # above the key
         "seconds from one save to the next",
         "value=                     fnnq, mlp, rbf, table, tiles",
         "+experiment=               adaptive, decay",

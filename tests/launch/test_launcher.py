@@ -110,7 +110,7 @@ def test_the_sweep_has_the_whole(folded: Path) -> None:
 
 @pytest.fixture
 def batches(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """The directory names of each batch that is trained from now on."""
+    """Return a list that collects the job names of each batch trained from now on."""
     seen: list[list[str]] = []
     run = job_module.run_batches
 
@@ -199,7 +199,7 @@ def test_a_file_that_cant_be_written_fails_its_own_job_and_the_last(
     assert "job 0 (seed=0 " in stderr
     assert "evaluations.csv" in stderr.splitlines()[-1]
     assert (tmp_path / "1" / "summary.json").exists()
-    assert not (tmp_path / "2" / "summary.json").exists()  # the training would be saved there
+    assert not (tmp_path / "2" / "summary.json").exists()  # the training is saved there
     (tmp_path / "0" / "evaluations.csv").rmdir()
     assert command(*sweep).status == 0
 
@@ -225,7 +225,7 @@ def test_a_batch_that_breaks_leaves_the_others(
 
 @pytest.fixture
 def untrained(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[list[str]], bool]]:
-    """The batches that would be trained, as names of jobs, and whether pictures are drawn."""
+    """Return a list that collects the job names of untrained batches, and if they have pictures."""
     calls: list[tuple[list[list[str]], bool]] = []
 
     def run_batches(batches, *, pictures, **others):
@@ -293,7 +293,7 @@ def test_callbacks_come_in_pairs(
     assert calls == [("start", 4, 0), ("end", 4, 4.0), ("start", 5, 1), ("end", 5, 5.0)]
 
 
-@pytest.mark.filterwarnings("ignore")  # its dependencies warn
+@pytest.mark.filterwarnings("ignore")  # the logger's dependencies warn
 def test_optuna_asks_for_batches(tmp_path: Path, batches: list[list[str]]) -> None:
     pytest.importorskip("hydra_plugins.hydra_optuna_sweeper")
     search = (

@@ -1,4 +1,4 @@
-"""Presets of a user's own, found by --config-dir."""
+"""A user's own presets, found by --config-dir."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +16,7 @@ Train = Callable[..., tuple[int, str, list[float]]]
 def train(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Train:
-    """Writes a preset, runs the command with it, and returns the λ of the jobs that it trains."""
+    """Return a function that runs the command with a new preset and returns the jobs' λ."""
     monkeypatch.chdir(tmp_path)
     trained: list[float] = []
 

@@ -1,4 +1,4 @@
-"""The files of a whole sweep, made from its jobs' result files."""
+"""The files of a sweep, which are made from the result files of its jobs."""
 
 import csv
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ Make = Callable[..., SweptResult]
 
 @pytest.fixture
 def make(tmp_path: Path) -> Make:
-    """Makes a job of a sweep, with result files if it has catches ``[runs, evaluations]``."""
+    """Return a function that makes a job, with result files if ``catches`` are given."""
 
     def make(number: int, catches: Sequence[Sequence[int]] | None, **overrides: str) -> SweptResult:
         directory = tmp_path / str(number)

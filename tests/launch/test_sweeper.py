@@ -1,4 +1,4 @@
-"""Experiments of several grids; every experiment that is shipped is a list of valid jobs."""
+"""Experiments of several grids. Each experiment in ``conf/`` is a list of valid jobs."""
 
 import sys
 import types
@@ -35,7 +35,7 @@ EXPERIMENTS = {
 
 
 def jobs(cases: list[dict[str, str]], *overrides: str, **settings: int) -> list[list[list[str]]]:
-    sweeper = plugin.BatchSweeper(cases)  # not by its name: Hydra makes the class once more
+    sweeper = plugin.BatchSweeper(cases)  # from the module, since Hydra makes the class again
     parsed = OverridesParser.create().parse_overrides(list(overrides))
     return sweeper.split_arguments(parsed, settings.get("max_batch_size"))
 
@@ -83,7 +83,7 @@ def test_an_experiment_is_so_many_jobs_below_its_name(
 ) -> None:
     taken: list[tuple[Config, Path]] = []
     stub = types.ModuleType("fnnq_torchrl.training.job")
-    stub.run_job = None  # for the launcher "basic", which is not asked
+    stub.run_job = None  # only the launcher "basic" would call it
     stub.run_batches = lambda batches, **others: (
         [taken.append((job.config, job.directory)) or 0.0 for job in batch] for batch in batches
     )

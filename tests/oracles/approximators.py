@@ -31,10 +31,10 @@ def looked_up(
 
 
 def tile(x: float, low: float, high: float, tiles: int, offset: float) -> int:
-    """Return the tile of an input in a tiling that is moved down by so many tiles.
+    """Return the index of an input's tile in a tiling that is moved down by ``offset`` tiles.
 
-    Beyond the range it is the tile at the edge. A tiling that isn't moved has as many tiles as its
-    range is wide, any other has one more.
+    An input beyond the range has the tile at the edge. A tiling with offset 0 has ``tiles`` tiles;
+    any other tiling has one more, so that it covers the range too.
     """
     number = math.floor((x - low) / (high - low) * tiles + offset)
     return min(max(number, 0), tiles if offset > 0 else tiles - 1)
@@ -51,7 +51,7 @@ def coded(weights, spans: Sequence[tuple[float, float]], tilings: int, tiles: in
 
 
 def perceptron(layers, activation, normalise: bool, s: float, a: float) -> float:
-    """Return the output of layers of (weights, biases), with a row of weights for each unit."""
+    """Return a perceptron's output; its layers are (weights, biases) with a row for each unit."""
     values = [s, a]
     for number, (weights, biases) in enumerate(layers):
         if number:

@@ -14,8 +14,8 @@ class FollowBallTwin:
 
     Args:
         world: the physical parameters.
-        seed: of the run.
-        episode: number of the situation in the run.
+        seed: the seed of the run.
+        episode: the number of the situation in the run.
         situation: a fixed start of the ball (φ₀, ω_b) instead of a random one.
     """
 
@@ -48,7 +48,7 @@ class FollowBallTwin:
         self.chance = (65536 * spare[0] + 256 * spare[1] + spare[2]) / 2**24
 
     def move(self, steering: float) -> tuple[float, bool]:
-        """Take one time step with the wheels at Δv; return the reward, and True at the end."""
+        """Take one time step with steering Δv; return the reward and whether it was the last."""
         world = self.world
         left_mps = world.speed_mps * (1 + steering)
         right_mps = world.speed_mps * (1 - steering)
@@ -65,7 +65,7 @@ class FollowBallTwin:
         return 0.0, False
 
     def _drive(self, left_mps: float, right_mps: float) -> None:
-        """Drive round the point about which both wheels turn."""
+        """Drive along a circle around the point about which both wheels turn."""
         world = self.world
         speed_mps = (left_mps + right_mps) / 2
         turn_radps = (right_mps - left_mps) / world.track_width_m
@@ -104,7 +104,7 @@ class FollowBallTwin:
         return isinstance(self.world, FollowOneSideConfig)
 
     def _on_left(self) -> bool:
-        """Return True if this situation is on the left, in a world on one side."""
+        """Return True if the ball starts on the left in this situation of a one-sided world."""
         switched = 0 < self.world.switch_side_after <= self.episode
         return (self.world.start_side == "left") != switched
 
@@ -114,5 +114,5 @@ def uniform(word: int) -> float:
 
 
 def normal(word: int, other: int) -> float:
-    """Return a normal random number by Box and Muller's transform."""
+    """Return a normal random number from two words, by Box and Muller's transform."""
     return math.sqrt(-2 * math.log(1 - uniform(word))) * math.cos(math.tau * uniform(other))

@@ -18,7 +18,7 @@ def normalised_firing_strengths(x: Sequence[float], labels: Sequence[list[Label]
 
     Args:
         x: the inputs; the last is the action.
-        labels: of each input; those of the last change fastest from rule to rule.
+        labels: the labels of each input; the last input's label changes fastest over the rules.
     """
     strengths = [prod(map(membership, x, rule)) for rule in product(*labels)]
     return [strength / sum(strengths) for strength in strengths]

@@ -1,8 +1,8 @@
-"""Peng's Q(λ) for a table of states × actions, in plain Python: the twin of the learning program.
+"""Peng's Q(λ) for a table of states × actions, in plain Python: the twin of the learning step.
 
-The paper's Table 1, after J. Peng, R. J. Williams, "Incremental multi-step Q-learning", Machine
-Learning 22, 1996, with the misprints mended: f multiplies Tr by the error, and V̂ (twice: it is also
-what Ŵ stands for) is the max of Q̂, not the arg max.
+It is the paper's Table 1, after J. Peng, R. J. Williams, "Incremental multi-step Q-learning",
+Machine Learning 22, 1996. These misprints are corrected: step f multiplies Tr by the error; V̂ is
+the arg max of Q̂, and should be the max; Ŵ should be V̂.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,17 +23,17 @@ class Arrival(NamedTuple):
 
 
 class World(Protocol):
-    """The learner's world; `chance` is the uniform random number for its next choice."""
+    """The learner's world. It supplies the uniform random number of each choice, `chance`."""
 
     def start(self, episode: int) -> tuple[int, float]:
-        """Return the first state, and the chance."""
+        """Return the first state, and the random number for the first choice."""
 
     def move(self, state: int, action: int, episode: int, step: int) -> Arrival:
-        """Take a step of the episode; steps count from 1."""
+        """Return the outcome of a step of the episode; steps count from 1."""
 
 
 class Learned(NamedTuple):
-    """The learner after a step."""
+    """The values of the learner after a step."""
 
     q: Table
     trace: Table
@@ -51,7 +51,7 @@ def peng_q_lambda(
     gamma: float,
     epsilon: float,
 ) -> Iterator[Learned]:
-    """Yield the learner after each step, without end. The letters are those of Table 1."""
+    """Yield the learner after each step, without end. Comments name the steps of Table 1."""
     q = [[0.0] * actions for _ in range(states)]  # 1
     trace = [[0.0] * actions for _ in range(states)]
     episode = 0
@@ -71,7 +71,7 @@ def peng_q_lambda(
             for s in range(states):
                 for a in range(actions):
                     chosen = (s, a) == (state, action)  # g
-                    # δ·(γλTr), rounded as the program does it: (δ·γλ)·Tr
+                    # δ·(γλTr), rounded as in the learning step: (δ·γλ)·Tr
                     credit = error * decay * trace[s][a]
                     q[s][a] += alpha * (credit + (chosen_error if chosen else 0.0))
                     trace[s][a] = decay * trace[s][a]  # f
@@ -86,7 +86,7 @@ def peng_q_lambda(
 
 
 def epsilon_greedy(values: Sequence[float], epsilon: float, u: float) -> int:
-    """Choose any action with probability ε, else one of the best; u, uniform in [0, 1), decides."""
+    """Return any action with probability ε, else a best one; u, uniform in [0, 1), decides."""
     if u < epsilon:
         among = list(range(len(values)))
         share = u / epsilon

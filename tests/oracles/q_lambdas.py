@@ -1,9 +1,9 @@
-"""Q(λ) by Watkins, naive and Peng's, for a table of states × actions, as their sources have them.
+"""Watkins', naive and Peng's Q(λ) for a table of states × actions, as in their sources.
 
-Watkins' and naive Q(λ): R. S. Sutton, A. G. Barto, "Reinforcement learning", 1998, fig. 7.14 and
-section 7.6. The trace counts the present pair before it is used, so all pairs get αδ′e. Peng's: the
-paper's Table 1, where it counts it afterwards. The step sizes: `equations.step_size` has
-their sources.
+Watkins' and naive Q(λ) are from R. S. Sutton, A. G. Barto, "Reinforcement learning", 1998, fig.
+7.14 and section 7.6: the present pair enters the trace before the update, so all pairs get αδ′e.
+Peng's Q(λ) is the paper's Table 1, where the present pair enters the trace after the update. The
+sources of the step sizes are in `equations.step_size`.
 """
 
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from itertools import islice
 
 from .peng import Learned, Table, World, epsilon_greedy
 
-Visits = list[tuple[int, int]]  # of this episode, the latest first
+Visits = list[tuple[int, int]]  # the pairs (s, a) of this episode, the latest first
 
 
 def q_lambda(
@@ -86,7 +86,10 @@ def q_lambda(
 def eligibility(
     visits: Visits, states: int, actions: int, trace: str, window: int, decay: float
 ) -> Table:
-    """Return every pair's sum of (γλ)ᵏ over its visits k steps ago, or only its latest visit's."""
+    """Return every pair's sum of (γλ)ᵏ over its visits k steps ago.
+
+    Only the pair's latest visit counts under ``replacing``, only the last visits under ``window``.
+    """
     e = [[0.0] * actions for _ in range(states)]
     for k, (state, action) in enumerate(islice(visits, window if trace == "window" else None)):
         share = decay**k

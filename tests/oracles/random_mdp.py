@@ -33,7 +33,7 @@ END_REWARD = 1.1
 
 @dataclass
 class RandomMDPConfig(WorldConfig):
-    """A configuration with a time limit only."""
+    """A configuration that has only a time limit."""
 
     @property
     def observations(self):

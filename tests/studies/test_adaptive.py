@@ -17,14 +17,14 @@ JOBS = [
     *grid({"alpha": ALPHAS, "lam": "0.2,0.8"}, "step_size=constant", "alpha_decay=1"),
 ]
 STABILITY = grid(
-    # An empty text is False.
+    # Under value.layer_norm, 1 is True and the empty text is False.
     {"value.layer_norm": "1,", "step_size": "constant,obgd", "alpha": ALPHAS},
     *("value=mlp", "lam=0.8", "alpha_decay=1"),
 )
 
 
 def level(settings: Settings) -> float:
-    """Return scores: ObGD is best for every α, a constant is worst, the α bound equals decay."""
+    """Return a score: ObGD is best for every α, a constant α is worst, the α bound equals decay."""
     if settings["step_size"] == "obgd":
         return 4.5
     return 4.0 - 5 * abs(settings["alpha"] - 0.2) - 2 * (settings["step_size"] == "constant")
@@ -60,7 +60,7 @@ def test_the_best_alpha_is_chosen_by_one_half_and_judged_by_the_other(adaptive: 
 
 
 def with_steps(experiment: Experiment, step_size: str, alpha: float, factor: int) -> Experiment:
-    """Return the results with other numbers of steps for the runs with λ = 0.8."""
+    """Return the results after multiplying the steps of one α's runs with λ = 0.8 by a factor."""
 
     def changed(job: Job) -> Job:
         of_job = (job.settings["step_size"], job.settings["alpha"], job.settings["lam"])

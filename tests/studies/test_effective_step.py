@@ -22,7 +22,7 @@ def test_the_norm_is_that_of_the_networks_gradient(
     (gradient,) = torch.autograd.grad(network(s, action=a).sum(), [network.weight])
     norm = squared_gradient([(labels.inputs["bearing"], s), (labels.action, a)], width)
     torch.testing.assert_close(norm.squeeze(), gradient.square().sum(), rtol=1e-10, atol=0)
-    assert 1 / 20 - 1e-9 <= norm <= 1  # shares of 20 rules
+    assert 1 / 20 - 1e-9 <= norm <= 1  # f has 20 shares, whose sum is 1
 
 
 @pytest.mark.parametrize("trace", ["output", "gradient"])
@@ -35,7 +35,7 @@ def test_a_step_after_long_at_one_pair_is_as_large_as_derived(trace: str, decay:
         rule = Rule(trace=trace)
         [(direction, e)] = rule.update([e], [gradient], one, one, decays, None, one)
     alpha = 0.4
-    moved = alpha * (direction * gradient).sum(0)  # of Q(s, a), by an error of 1
+    moved = alpha * (direction * gradient).sum(0)  # the movement of Q(s, a) for an error of 1
     expected = effective_step(gradient.square().sum(0), alpha, decays, trace)
     torch.testing.assert_close(moved, expected, rtol=1e-12, atol=0)
 

@@ -47,7 +47,7 @@ def test_every_axis_says_what_it_shows(name: str, experiments: Experiments) -> N
     for axes in picture(experiments[experiment]).axes:
         scale_of_colours = axes.get_label() == "<colorbar>"
         assert axes.get_ylabel() or axes.get_yticklabels() or scale_of_colours
-        assert axes.get_xlabel() or axes.get_ylabel()  # a scale of colours has one only
+        assert axes.get_xlabel() or axes.get_ylabel()  # a colour bar has only one
 
 
 def test_lines_and_bands_are_the_files_means_and_intervals(experiments: Experiments) -> None:
@@ -101,8 +101,8 @@ def test_values_below_an_axis_are_told_beside_it(tmp_path: Path) -> None:
 
 def test_the_norms_lie_where_they_are_drawn(experiments: Experiments) -> None:
     norm = norms(experiments["traces"])
-    assert norm.argmin() % 201 == pytest.approx(100, abs=10)  # five labels overlap straight ahead
-    assert norm[0, 0] == pytest.approx(norm.max())  # one rule has nearly all at the corners
+    assert norm.argmin() % 201 == pytest.approx(100, abs=10)  # labels overlap most straight ahead
+    assert norm[0, 0] == pytest.approx(norm.max())  # one rule dominates at the corners
     np.testing.assert_allclose(norm, norm[::-1, ::-1], rtol=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""The measures where nothing was seen equal closed forms; the page says what they say."""
+"""The measures in unseen states equal closed forms, and the page agrees with the measures."""
 
 import re
 from dataclasses import replace
@@ -84,9 +84,9 @@ def test_weights_of_one_cell_of_a_table_move_q_there_only() -> None:
     weight[1, :, 4] = torch.tensor([3.0, -3.0, 3.0, -3.0])  # the label at 0.5 rad, any action
     moved = movement(learner(extrapolating("value=table"), weight=weight), 1)
     where = STATES.numpy() > 0.3
-    # Beyond 0.21 rad, where 0.1/0.1 and 0.5/0.4 are even, its cell is alone.
+    # Beyond 0.21 rad, where the labels 0.1 and 0.5 have equal memberships, is one cell.
     assert np.ptp(moved[:, where]) == pytest.approx(0, abs=1e-6)
-    assert moved[:, where].min() > 1  # a unit is the mean over all that was seen
+    assert moved[:, where].min() > 1  # 1 is the mean over all seen states
     assert (moved[:, STATES.numpy() < 0.1] == 0).all()
 
 
@@ -118,7 +118,7 @@ def test_the_greedy_action_beyond_the_view_is_compared_with_that_at_its_edge() -
     weight[1, 0, 0], weight[1, 0, 4] = right, left
     same = greedy_change_beyond(learner(extrapolating(), weight=weight), 1)
     assert [change.item() for change in same] == [0, 0]
-    # With the last label far out, its action takes over on the way there.
+    # The last label is far out, and its action takes over on the way there.
     labels = {"bearing": [[-0.5, 0.1], [0, 0.05], [0.1, 0.1], [0.5, 0.1], [2.0, 0.1]]}
     config = replace(extrapolating(), value=replace(extrapolating().value, inputs=labels))
     weight[1, 0, 3] = right
@@ -131,7 +131,7 @@ def test_the_greedy_action_beyond_the_view_is_compared_with_that_at_its_edge() -
 
 
 def test_interference_of_the_fuzzy_network_is_that_of_its_firing_strengths() -> None:
-    """Q is linear: ΔQ(s′, a) = α f(s, a)·f(s′, a)."""
+    """Q is linear in its weights, so ΔQ(s′, a) = α f(s, a)·f(s′, a)."""
     config = extrapolating(DOUBLE)
     labels = [config.value.inputs["bearing"], config.value.action]
     action = 0.3
@@ -157,7 +157,7 @@ def test_a_table_has_no_interference_beyond_its_widest_cell() -> None:
         torch.tensor([0.0, 1.0]),
         alpha=0.1,
     )
-    # From the border at 0.21 rad to 1 rad is one cell, and none is wider.
+    # The widest cell is the one from its border at 0.21 rad to 1 rad.
     np.testing.assert_allclose(found[:, 0], 1)
     assert (found[:, distances() > 0.81] == 0).all()
     assert (found[:, distances() < 0.7] > 0).all()
@@ -168,7 +168,7 @@ def test_a_table_has_no_interference_beyond_its_widest_cell() -> None:
 
 def test_the_sides_tests_are_mirror_images() -> None:
     assert len(starts(1)) == TESTS
-    assert starts(1)[:, 0].min() > 0.2  # so that on the right they begin where nothing was seen
+    assert starts(1)[:, 0].min() > 0.2  # so that the mirrored starts are on the unseen side
     assert starts(-1).equal(-starts(1))
 
 
@@ -228,8 +228,8 @@ def test_nothing_is_seen_farther_to_the_right_than_the_head_sees() -> None:
     assert (hidden[:, 0] == 0).all()
     assert (hidden[:, -1] == 1).all()
     assert (np.diff(whole, axis=1) >= 0).all()
-    # Which way a ball is seen doesn't depend on how far out it is reported; actions without
-    # preference neither.
+    # With weights of 0 all actions are equally likely, and the sign of the bearing doesn't depend
+    # on how far out a ball is reported.
     np.testing.assert_array_equal(hidden[:, 2], whole[:, 2])
     assert whole[:, 0].max() > 0
 

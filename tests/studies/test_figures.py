@@ -41,7 +41,7 @@ def evaluations(lams: list[float], runs: int, count: int = 41, best: int = 5) ->
 
 
 def texts(figure: Figure) -> list[Text]:
-    """Return all texts in the picture, without ticks beyond an axis, which aren't drawn."""
+    """Return all texts of a picture, without the labels of ticks beyond an axis (not drawn)."""
     figure.draw_without_rendering()
     undrawn = {
         tick.label1

@@ -1,4 +1,4 @@
-"""The committed pages against the templates that write them."""
+"""The committed pages agree with the templates that they are written from."""
 
 import re
 from pathlib import Path
@@ -15,7 +15,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 def fixed_parts(template: str) -> list[str]:
-    """The texts between a template's fields."""
+    """Return the texts between a template's fields."""
     return [text for text, *_ in Formatter().parse(template) if text]
 
 

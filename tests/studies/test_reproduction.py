@@ -111,7 +111,7 @@ def test_what_was_not_run_is_told(pool: Pool) -> None:
 
 
 def test_the_largest_of_equal_jobs_is_taken(pool: Pool) -> None:
-    # λ = 0.2 by default is in six of the experiments.
+    # Six experiments have the default configuration, with λ = 0.2; the largest has 110 runs.
     assert pool.job({}).evaluations.runs == 110
     assert pool.job({"alpha": 0.1}).evaluations.runs == 12
     assert {"trace": "gradient", "lam": 0.8} in pool.changes()
@@ -122,7 +122,7 @@ def test_the_shares_are_over_samples_of_the_papers_size(pool: Pool) -> None:
     samples, shares = verdict_shares(pool, claim, 22)
     assert samples == 5
     assert shares == {HOLDS: 1.0, BARELY: 0.0, PART: 0.0, FAILS: 0.0, OPEN: 0.0}
-    samples, shares = verdict_shares(pool, claim, 2)  # of which Student's t can tell little
+    samples, shares = verdict_shares(pool, claim, 2)  # from two runs Student's t can tell little
     assert samples == 55
     assert sum(shares.values()) == pytest.approx(1)
     assert shares[OPEN] > 0.1
@@ -135,7 +135,7 @@ def page(experiments: dict[str, Experiment]) -> str:
 
 def test_the_page_has_every_claim_with_both_verdicts(page: str) -> None:
     for claim in CLAIMS:
-        assert page.count(f"«{claim.words}»") == 2  # in short, and by itself
+        assert page.count(f"«{claim.words}»") == 2  # in the summary, and in a section
     sentences = re.findall(r"\*\*Over 22 seeds: (.*); over 110: (.*)\.\*\*", page)
     assert len(sentences) == len(CLAIMS)
     assert sentences[2] == ("holds", "holds")
@@ -163,7 +163,7 @@ def test_the_pages_numbers_are_the_files(page: str, experiments: dict[str, Exper
     (row,) = re.findall(r"\| final score, gradient \|(.*)\|", page)
     shown = float(row.split("|")[LAMS.index("0.7")].split("[")[0])
     assert shown == pytest.approx(job.evaluations.final_score.mean(), abs=0.005)
-    # γλ = 0.76, ‖f‖² as drawn: α(‖f‖² + γλ/(1 − γλ)) and α‖f‖²/(1 − γλ).
+    # With γλ = 0.76, the steps are α(‖f‖² + γλ/(1 − γλ)) and α‖f‖²/(1 − γλ).
     steps = re.findall(r"\| (output|gradient), ‖f‖² = ([\d.]+) \|(.*)\|", page)
     assert len(steps) == 4
     for trace, norm, cells in steps:
@@ -174,7 +174,7 @@ def test_the_pages_numbers_are_the_files(page: str, experiments: dict[str, Exper
 
 def test_every_picture_is_drawn(page: str) -> None:
     assert set(re.findall(r"\(figures/(.*)\.png\)", page)) == FIGURES.keys()
-    assert FIGURES.keys() == GALLERY.keys() - {"adaptive", "stability"}  # on a page of their own
+    assert FIGURES.keys() == GALLERY.keys() - {"adaptive", "stability"}  # are on another page
 
 
 def test_the_command(

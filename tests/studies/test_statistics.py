@@ -83,8 +83,8 @@ def test_the_interval_covers_as_often_as_it_says(confidence: float) -> None:
     samples = np.random.default_rng(2).normal(3.0, 2.0, size=(n, experiments))
     _, low, high = mean_interval(samples, confidence=confidence)
     covered = np.mean((low <= 3.0) & (high >= 3.0))
-    # Four standard deviations of the binomial; the normal quantile in place of t's would miss
-    # the 95 % by 25 of them.
+    # The tolerance is four standard deviations of the binomial. The normal quantile in place of t's
+    # would miss 95 % by 25 standard deviations.
     deviation = np.sqrt(confidence * (1 - confidence) / experiments)
     assert covered == pytest.approx(confidence, abs=4 * deviation)
 
@@ -130,11 +130,11 @@ def test_bootstrap_intervals_cover_as_often_as_they_say(statistic: Statistic) ->
     intervals = [bootstrap_interval(statistic, rng.normal(3, 2, runs)) for _ in range(experiments)]
     covered = np.mean([low <= 3 <= high for _, low, high in intervals])
     deviation = np.sqrt(0.95 * 0.05 / experiments)
-    assert covered == pytest.approx(0.94, abs=3 * deviation)  # a little less of so few runs
+    assert covered == pytest.approx(0.94, abs=3 * deviation)  # with few runs slightly below 0.95
 
 
 def test_an_interval_where_no_run_matters_is_that_of_the_draws() -> None:
-    # Half of the runs lie in the middle: whichever is left out, the interquartile mean is 5.
+    # The middle half of the runs scores 5, so the mean of it is 5 whichever run is left out.
     sample = np.array([0.0, 0.0, *[5.0] * 18, 6.0, 6.0])
     value, low, high = bootstrap_interval(interquartile_mean, sample)
     assert value == 5.0
@@ -182,7 +182,7 @@ def test_the_probability_of_improvement_is_mann_and_whitneys(
 
 
 def test_a_difference_of_normal_scores_is_as_in_closed_form() -> None:
-    # Scores share a part of variance 1 from run to run, and have one of variance 1 each.
+    # Both scores of a run have a shared part of variance 1, and a part of their own of variance 1.
     rng = np.random.default_rng(5)
     runs = 4_000
     shared = rng.normal(size=runs)
@@ -190,10 +190,10 @@ def test_a_difference_of_normal_scores_is_as_in_closed_form() -> None:
     theirs = shared + rng.normal(size=runs)
     mean, effect, better, _ = paired_difference(ours, theirs)
     assert mean.low < 0.5 < mean.high
-    # Paired, the shared part is gone: ±1.96·√2/√n.
+    # The shared part cancels in the pairs, so the interval is ±1.96·√2/√n.
     assert mean.high - mean.low == pytest.approx(2 * 1.96 * np.sqrt(2 / runs), rel=0.1)
     assert effect == pytest.approx(0.5 / np.sqrt(2), abs=0.05)
-    # Of two runs by themselves the difference has the variance 4.
+    # For two independent runs the difference has the variance 4.
     assert better.low < scipy.stats.norm.cdf(0.5 / 2) < better.high
 
 

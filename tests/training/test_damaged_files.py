@@ -1,4 +1,4 @@
-"""A damaged file is refused in one line that names it, or read as if it were whole."""
+"""A damaged file is refused in one line that names the file, or is read as if it were undamaged."""
 
 import shutil
 from collections.abc import Callable
@@ -27,7 +27,7 @@ CONFIG = ".hydra/config.yaml"
 
 
 class Home(NamedTuple):
-    """A finished job's directory, and one for damaged copies of its files."""
+    """A finished job's directory, and a directory for damaged copies of its files."""
 
     files: Path
     damaged: Path
@@ -81,7 +81,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def assert_read_or_refused(home: Home, name: str, data: bytes) -> None:
-    """Check that a damaged file is refused or read; a binary one, with its original content."""
+    """Check that a damaged file is refused, or read; binary files must have their content."""
     path = home.damaged / name
     path.write_bytes(data)
     found, refused = read(home, name)
@@ -94,7 +94,7 @@ def read(home: Home, name: str) -> tuple[Any, str | None]:
     path = home.damaged / name
     try:
         return READERS[name](path), None
-    except ValueError as error:  # ConfigError is one
+    except ValueError as error:  # ConfigError is a ValueError
         refused = str(error)
     finally:
         shutil.copy(home.files / name, path)

@@ -27,7 +27,7 @@ LATIN_1 = "font.family: sansérif\n".encode("latin-1")
 
 @pytest.fixture(scope="module")
 def usual(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The picture of a job as it should be."""
+    """Return the picture of a job, drawn in the usual surroundings."""
     job = write_job(tmp_path_factory.mktemp("usual"))
     drawing.draw_job(job)
     return (job.directory / drawing.PICTURE).read_bytes()
@@ -64,7 +64,7 @@ def test_settings_that_stop_matplotlib_do_not_stop_a_picture(tmp_path: Path, usu
 
 
 def test_a_picture_without_matplotlib_is_told_in_a_line(tmp_path: Path) -> None:
-    (tmp_path / "matplotlibrc").write_bytes(LATIN_1)  # which comes before all others
+    (tmp_path / "matplotlibrc").write_bytes(LATIN_1)  # it takes precedence over all others
     *_, line = draw_in(tmp_path).stderr.splitlines()
     assert line.startswith(f"going on without job/{drawing.PICTURE}, which can't be drawn: 'utf-8'")
     assert not (tmp_path / "job" / drawing.PICTURE).exists()

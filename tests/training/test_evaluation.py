@@ -51,7 +51,7 @@ def play(
 
 
 def test_evaluations_draw_where_learning_never_comes() -> None:
-    # streams.draw takes episodes below 2³³; a run would have to learn from the first 2³².
+    # streams.draw takes episodes below 2³³. No run comes to learn from 2³² situations.
     assert 2**32 <= FIRST_EPISODE < 2**33 - 2**30
 
 
@@ -114,8 +114,9 @@ def test_a_rule_base_that_steers_towards_the_ball_catches_it_always() -> None:
 
 @pytest.mark.parametrize(("time_limit", "catches"), [(11, 1), (10, 0)])
 def test_a_catch_in_the_last_step_counts_and_none_after_it(time_limit: int, catches: int) -> None:
-    # Straight ahead at 0.03 m a step to a ball at 0.5 m that rolls by: nearer than 0.2 m after
-    # step 11, by (0.166, 0.066) m, and not yet after step 10, (0.196, 0.060) m.
+    # The robot drives straight ahead, 0.03 m a step, and a ball at 0.5 m rolls by. After step 11
+    # the ball is at (0.166, 0.066) m, nearer than 0.2 m. After step 10 it is at (0.196, 0.060) m,
+    # which is still farther.
     settings = config(f"env.time_limit_steps={time_limit}", "evaluation.situations=[[0,0.12]]")
     straight = torch.tensor([-1.0, 1.0, 1.0, -1.0]).double().expand(1, 1, 5, 4)
     assert play(settings, straight).tolist() == [[catches]]
@@ -145,7 +146,7 @@ def test_it_tells_how_far_it_is(weights: Tensor) -> None:
 
 
 def test_every_evaluation_and_every_seed_has_random_numbers_of_its_own() -> None:
-    tied = torch.zeros(2, 200, 5, 4).double()  # all candidates, so that chance alone decides
+    tied = torch.zeros(2, 200, 5, 4).double()  # all candidates are tied, so chance alone decides
     catches, again, other_seeds = (
         play(config(), tied, first_seed=first, lanes=2016) for first in (0, 0, 1000)
     )

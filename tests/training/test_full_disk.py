@@ -1,4 +1,4 @@
-"""Training on a full disk and on a read-only one, which are mounted if the tests may."""
+"""Training on a full disk and on a read-only disk. The tests mount both if they are allowed to."""
 
 import resource
 import shutil
@@ -20,7 +20,7 @@ TINY = ("situations=5", "env.time_limit_steps=4", "engine=eager", "checkpoint.ev
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 64 KiB that has a saved training."""
+    """Mount a disk of 64 KiB that has a saved training."""
     place = tmp_path / "disk"
     place.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)]
@@ -68,7 +68,7 @@ def test_the_last_good_checkpoint_stays(
 
 
 def test_a_file_that_grows_too_large_leaves_the_last_good_checkpoint(tmp_path: Path) -> None:
-    """A limit of file sizes takes the place of a full disk where none can be mounted."""
+    """A limit on file sizes stands for a full disk, so the test needs no right to mount."""
     config = load_config(*TINY)
     trainer = Trainer.of(config)
     saved_training(tmp_path, config).save(trainer.ledger, [])
@@ -85,7 +85,7 @@ def test_a_file_that_grows_too_large_leaves_the_last_good_checkpoint(tmp_path: P
 
 @pytest.mark.parametrize("sweep", [False, True])
 def test_a_command_that_cant_even_begin_ends_in_one_line(disk: Path, sweep: bool) -> None:
-    """Hydra's own files are the first that can't be written."""
+    """Hydra's own files are the first files that can't be written."""
     fill(disk)
     place = f"hydra.sweep.dir={disk}/sweep" if sweep else f"hydra.run.dir={disk}"
     command = [sys.executable, "-m", "fnnq_torchrl.train", *TINY, place, *["-m"] * sweep]
@@ -112,7 +112,7 @@ def test_a_log_that_is_full_ends_nothing(tmp_path: Path) -> None:
 def test_a_command_on_a_full_disk_ends_in_one_line(
     disk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # The log and the configuration are Hydra's, and small.
+    # Without Hydra's log and configuration, which are small.
     quiet = ("hydra/job_logging=none", "hydra/hydra_logging=none", "hydra.output_subdir=null")
     before = (disk / "training.pt").read_bytes()
     fill(disk)

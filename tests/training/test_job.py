@@ -30,7 +30,7 @@ from fnnq_torchrl.training.resume.interruptions import Interrupted, Lost
 from fnnq_torchrl.training.resume.saved import SavedTraining
 from fnnq_torchrl.training.trainer import Trainer
 from fnnq_torchrl.training.weights import load_checkpoint, load_snapshots
-from tests.programs import config as load_config  # of situations that are soon over
+from tests.programs import config as load_config  # a world of short situations
 
 SCHEMAS = (Config, FollowOneSideConfig, LabelsConfig, ActionConfig, EvaluationConfig, MachineConfig)
 
@@ -70,7 +70,7 @@ def test_a_job_leaves_its_snapshots_if_it_is_to(tmp_path):
     assert snapshots.config["checkpoint"]["snapshots"]
 
     run_job(replace(config, checkpoint=replace(config.checkpoint, snapshots=False)), tmp_path)
-    assert not (tmp_path / "snapshots.pt").exists()  # an earlier one doesn't belong to these files
+    assert not (tmp_path / "snapshots.pt").exists()  # an earlier job's doesn't belong here
 
 
 def test_a_job_is_the_same_every_time(tmp_path):
@@ -94,7 +94,7 @@ def names_of(schema):
 
 
 def record_keys_read(schemas, monkeypatch):
-    """Return a set that collects the keys that are read from now on, as (schema, name)."""
+    """Return a set that collects the configuration keys read from now on, as (schema, name)."""
     read = set()
     for schema in schemas:
 
@@ -122,15 +122,15 @@ def test_every_key_is_read_by_something(monkeypatch):
     trainer.learn()
     trainer.evaluate()
 
-    read |= {(Config, key) for key in ASIDE}  # by the job: see below, and by the loggers
+    read |= {(Config, key) for key in ASIDE}  # read by the job (tested below) and by the loggers
     assert read == {(schema, name) for schema in SCHEMAS for name in names_of(schema)}
 
 
 def save_half_done(config, directory, jobs=()):
-    """Save a training that has only begun, of the job or of all given jobs."""
+    """Save a training that has only begun, of one job or of all given jobs."""
     batch = Batch([*jobs] or [Job(config, directory)])
     trainer = Trainer(batch.config, batch.runs, batch.engine)
-    # All tests count as caught, though nothing was learned: that shows who resumes it.
+    # All tests count as catches though nothing was learned, which shows that a job has resumed.
     trainer.ledger.results["success"].fill_(True)
     trainer.ledger.results["played"].fill_(True)
     SavedTraining(batch).save(trainer.ledger, [])
@@ -189,7 +189,7 @@ def test_a_signal_ends_all_batches(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("usual_signals")
 def test_a_signal_while_files_are_written_ends_what_comes_after(tmp_path, monkeypatch):
-    """The files are completed, and the next batch doesn't begin."""
+    """The files of this batch are completed, and the next batch doesn't begin."""
     write = job_module._write
 
     def interrupted(*arguments):
@@ -272,7 +272,7 @@ def test_a_save_that_fails_ends_only_what_ends_anyway(tmp_path, monkeypatch, cap
 
     def full(self, ledger, hands):
         attempts.append(hands)
-        if ordered and len(attempts) == 1:  # a second order would end it at once
+        if ordered and len(attempts) == 1:  # a second signal would end it at once
             os.kill(os.getpid(), signal.SIGTERM)
         raise OSError(errno.ENOSPC, "No space left on device", str(self.path))
 
@@ -329,7 +329,7 @@ def test_diverged_runs_are_told_and_counted(tmp_path, capsys):
     assert (diverged.catches[:, 1:] == 0).all()
     assert ill == 0
     steps = diverged.steps[:, 1:]
-    assert (steps == steps[:, :1]).all()  # it stopped
+    assert (steps == steps[:, :1]).all()  # a diverged run has stopped
     assert (steps > 0).all()
     summary = json.loads((jobs[1].directory / "summary.json").read_text())
     assert (summary["runs"], summary["diverged_runs"]) == (2, 2)

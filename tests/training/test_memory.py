@@ -24,7 +24,8 @@ def batch_of(*overrides: str) -> Batch:
 def test_what_is_kept_by_hand() -> None:
     sizes = sizes_of(batch_of("situations=10", "engine=eager", "num_seeds=1000"))
     assert (sizes.runs, sizes.evaluations, sizes.tests, sizes.weights) == (1000, 3, 5, 20)
-    # Of each evaluation 20 weights, steps and diverged; of 5 situations two flags, return, length.
+    # Each evaluation has 20 weights, steps and diverged. Each of its 5 situations has two flags,
+    # return and length.
     of_evaluations = 1000 * 3 * (20 * 4 + 8 + 1 + 5 * (2 + 4 + 4))
     assert of_evaluations < sizes.kept < 1.5 * of_evaluations + 1000 * 8 * 50
 
@@ -45,7 +46,7 @@ def test_what_a_network_of_any_size_would_have_takes_no_memory_to_say() -> None:
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     sizes = sizes_of(batch_of("action.candidates=1000000000"))
     assert sizes.at_work > 1e10
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1e6  # of KiB
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1e6  # in KiB
 
 
 def test_too_much_is_refused_and_much_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

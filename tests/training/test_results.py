@@ -90,7 +90,7 @@ def test_further_columns_are_passed_over(tmp_path: Path) -> None:
 def test_a_file_cut_anywhere_is_refused_unless_whole_runs_are_left(tmp_path: Path) -> None:
     path = tmp_path / "evaluations.csv"
     first_run = TWO_RUNS_CSV.index("4,0.1,0,0,0")
-    # A lone first run that lacks its last rows can't be told from a shorter one.
+    # If only the first run is left, missing last rows look like a shorter run.
     readable = {first_run, TWO_RUNS_CSV.index("3,0.2,10,600,4,0,0")}
     for length in range(len(TWO_RUNS_CSV)):
         path.write_text(TWO_RUNS_CSV[:length])

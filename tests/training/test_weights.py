@@ -1,4 +1,4 @@
-"""checkpoint.pt and snapshots.pt are read as written; test_damaged_files has damaged ones."""
+"""checkpoint.pt and snapshots.pt are read as written; damaged files are in test_damaged_files."""
 
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ CONFIG = {"alpha": 0.4, "trace": "output", "env": {"dt_s": 0.1, "reset": None}, 
 
 
 def weights(*evaluations: int) -> dict[str, Tensor]:
-    """Return weights of two runs, with the runs last in memory, as a job has them."""
+    """Return weights of two runs, with the runs as the last dimension in memory, as in a job."""
     shape = (*evaluations, 5, 4, 2)
     rules = torch.arange(1.0, 1.0 + torch.Size(shape).numel()).view(shape)
     return {"consequents": rules.movedim(-1, -3), "bias": torch.ones(*evaluations, 2)}

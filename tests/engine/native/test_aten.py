@@ -1,4 +1,4 @@
-"""Each operation that is written out in C++ equals torch's own."""
+"""Each operation that the native loop writes in C++ equals torch's own."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ N = 6
 SPECIAL = (0.0, -0.0, 1.0, -1.0, 0.5, -2.5, 1e-3, torch.inf, -torch.inf, torch.nan, 3.5, -3.5)
 Function = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
 
-# x and y are real, k and m whole numbers from 1 to N − 1, all [lanes, N], a row for each run.
+# x and y are real, k and m are whole numbers from 1 to N − 1; all are [lanes, N], one run a row.
 UNARY = (
     "abs acos asin atan ceil cos cosh erf exp expm1 floor isfinite isinf isnan log log1p neg "
     "reciprocal round rsqrt sigmoid sign sin sinc sinh sqrt square tan tanh trunc relu"
@@ -118,7 +118,7 @@ WHOLE: dict[str, Function] = {
     "sum": lambda x, y, k, m: k.sum(-1, keepdim=True),
     "least": lambda x, y, k, m: k * 0 - 2**63,
 }
-# At infinities and NaN torch's own kernels for these differ from processor to processor.
+# For these operations torch's results at infinities and NaN differ from processor to processor.
 OPEN = {"gelu", "silu", "softplus", "softmax", "log_softmax", "logsumexp", "logaddexp"}
 OPEN |= {"layer_norm", "var", "norm", "remainder", "pow"}
 GRADIENTS: dict[str, Function] = {name: REAL[name] for name in DIFFERENTIABLE.split()}
@@ -137,7 +137,7 @@ def data(dtype: torch.dtype) -> TensorDict:
 
 
 def carried_out(functions: dict[str, Function], stays: TensorDict) -> tuple[TensorDictBase, ...]:
-    """Return the functions' results for the data: by the native loop, and by torch."""
+    """Return the functions' results for the data ``stays``, by the native loop and by torch."""
 
     def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
         args = [stays[key] for key in ("x", "y", "k", "m")]
@@ -155,8 +155,8 @@ def carried_out(functions: dict[str, Function], stays: TensorDict) -> tuple[Tens
 def assert_all_close(
     computed: TensorDictBase, expected: TensorDictBase, dtype: torch.dtype
 ) -> None:
-    # The C library's vector functions are off by up to 4 units in the last place; sums may be in
-    # any order, and terms may cancel.
+    # The C library's vector functions have errors of up to 4 units in the last place. Sums may be
+    # in any order, and their terms may cancel.
     limit = 32 * torch.finfo(dtype).eps
     tolerance = {"rtol": limit, "atol": limit}
     for key, values in expected.items():
@@ -184,7 +184,7 @@ def test_operations_do_what_torch_does(dtype: torch.dtype) -> None:
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
 def test_sums_are_taken_in_order(dtype: torch.dtype) -> None:
-    """Torch's order may vary; here it is fixed, so that a run's bits don't depend on its batch."""
+    """The native loop's order is fixed, so that a run's bits don't depend on its batch."""
     terms = torch.tensor([1e9, 1.0, -1e9], dtype=dtype)
     stays = TensorDict({"terms": terms.expand(LANES, 3)}, [LANES])
     state = TensorDict({"sum": torch.zeros(LANES, dtype=dtype)}, [LANES])

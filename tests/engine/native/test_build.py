@@ -1,4 +1,4 @@
-"""Programs are built once, and kept."""
+"""Native programs are built once and kept in a cache."""
 
 import ctypes
 import os
@@ -83,7 +83,7 @@ def test_programs_are_kept_where_the_user_keeps_caches(
     building._writable.cache_clear()
     home = tmp_path / ("xdg" if "absolute" in xdg else ".cache")
     assert cache_directory() == home / "fnnq_torchrl"
-    assert stat.S_IMODE(cache_directory().stat().st_mode) == 0o700  # what is in it is executed
+    assert stat.S_IMODE(cache_directory().stat().st_mode) == 0o700  # its files are executed
 
 
 def test_where_nothing_can_be_kept_it_is_made_for_this_process(
@@ -108,7 +108,7 @@ def test_a_damaged_program_is_made_again(empty_cache: Path, damage: bytes) -> No
 
 
 def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
-    """A shell script in the compiler's place."""
+    """Put a shell script in the compiler's place."""
     program = tmp_path / "my own compiler"
     program.write_text(f"#!/bin/sh\n{script}\n")
     program.chmod(0o755)

@@ -1,4 +1,4 @@
-"""Ranges: the values that they allow and refuse, and their messages."""
+"""The values that ranges allow and refuse, and the messages of refusals."""
 
 import copy
 from dataclasses import dataclass, fields, replace
@@ -121,5 +121,5 @@ def test_allowed_says_every_range():
 
 
 def test_a_refusal_can_be_pickled_for_another_process():
-    refused = copy.copy(OutOfRange("lam", 1.5, "a number in [0, 1]"))  # by the same protocol
+    refused = copy.copy(OutOfRange("lam", 1.5, "a number in [0, 1]"))  # as pickle copies
     assert str(refused) == "lam=1.5: must be a number in [0, 1]"

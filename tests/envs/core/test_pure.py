@@ -94,7 +94,7 @@ def test_every_run_can_have_a_seed_of_its_own(batch_size):
 def test_set_seed_begins_everything_again():
     env = Lottery([3], seed=5)
     first = play(env, 50)
-    assert not (play(env, 50)["episode"] == first["episode"]).any()  # it went on, rather
+    assert not (play(env, 50)["episode"] == first["episode"]).any()  # the episodes go on
     env.set_seed(5)
     assert (play(env, 50) == first).all()
     env.set_seed(6)
@@ -144,7 +144,7 @@ def test_a_partial_reset_leaves_the_other_runs_alone():
 
 @pytest.mark.parametrize("batch_size", [(), (3,), (2, 3)])
 def test_restart_does_what_reset_does(batch_size):
-    """TorchRL's loop, which branches on data, and the compilable loop give the same history."""
+    """TorchRL's loop, which branches on data, gives the same history as the compilable loop."""
     env = Lottery(batch_size, seed=5)
     history = env.rollout(100, break_when_any_done=False).exclude("next", "success")
     assert (history["episode"] > 2).any()

@@ -1,4 +1,4 @@
-"""Random numbers: pcg4d equals its twin and passes statistical tests, as do its numbers."""
+"""Random numbers: pcg4d equals its twin, and words and numbers pass statistical tests."""
 
 import math
 from itertools import pairwise, product
@@ -33,7 +33,7 @@ def numbers(words: tuple[Tensor, ...]) -> tuple[int, ...]:
 
 
 def sample(size: int = 2**14, stream: Stream = Stream.STEP) -> tuple[Tensor, ...]:
-    """Return the blocks of many runs at many steps."""
+    """Return the blocks of random words of many runs at many steps."""
     seed, step = torch.arange(128).repeat(size // 128), torch.arange(size) // 128
     return streams.draw(seed, torch.full_like(seed, 7), step, stream)
 
@@ -57,7 +57,7 @@ def test_every_bit_of_the_input_changes_half_of_the_output():
         changed[position] ^= 1 << bit
         flips = torch.stack(streams.pcg4d(*changed.int())) ^ words
         ones = torch.stack([(flips >> i) & 1 for i in range(32)]).double().mean(-1)
-        # The highest bits depend on less of the word before them.
+        # A change of the highest input bits spreads less.
         assert (ones - 0.5).abs().max() < (0.06 if bit < 24 else 0.5)
         assert ones.mean() == pytest.approx(0.5, abs=0.05)
 
@@ -100,7 +100,7 @@ def test_bytes_of_neighbours_are_even_and_independent(seed_bits, episode_bits):
     words = torch.stack(streams.draw(seed, episode, step, Stream.STEP))
     parts = torch.stack([(words >> shift) & 0xFF for shift in (0, 8, 16, 24)]).flatten(0, 1)
     p_values = [evenness(part, 256) for part in parts]
-    # The next in the row, and another byte of the same block.
+    # Pairs of bytes: of two neighbours in the sequence, and of the same block.
     p_values += [evenness(part[::2] * 256 + part[1::2], 2**16) for part in parts]
     p_values += [evenness(a * 256 + b, 2**16) for a, b in pairwise(parts)]
     assert min(p_values) > FAIR / len(p_values)

@@ -1,4 +1,4 @@
-"""The ball's circle and where on it a situation begins."""
+"""The ball's circle, and the points of the circle where situations begin."""
 
 import math
 

@@ -40,11 +40,11 @@ DTYPES = torch.float32, torch.float64
 gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU")
 DEVICES = None, "cpu", pytest.param("cuda", marks=gpu)
 
-# Collectors are imported late: TorchRL warns of its own classes as it loads them.
+# Collectors are imported late, because TorchRL warns about its own classes when it loads them.
 loads_collectors = pytest.mark.filterwarnings(
     r"ignore:Creating \w+ which inherits from WeightUpdaterBase is deprecated:DeprecationWarning"
 )
-# Inductor loads a part of torch that still uses what torch itself deprecates.
+# Inductor loads a part of torch that still uses deprecated functions of torch.
 compiles = pytest.mark.filterwarnings(r"ignore:`torch\.jit\.\w+` is deprecated:DeprecationWarning")
 
 
@@ -69,7 +69,7 @@ ON_ONE_SIDE = {"start_side": "right", "other_view_rad": 0.2, "switch_side_after"
 @pytest.mark.parametrize("situations", [None, [(0.8, 0.1), (-3.0, -0.4), (0.0, 0.0)]])
 @pytest.mark.parametrize("side", ["both sides", "one side"])
 def test_it_equals_its_twin(policy, situations, side, world, one_side, request):
-    """Three runs over several situations; their seeds are longer than one word."""
+    """Three runs, with seeds of more than one word, play several situations."""
     if side == "one side":
         world = replace(one_side, **ON_ONE_SIDE)
     seeds = torch.tensor([0, 2**32 - 1, 2**40 + 7])
@@ -124,7 +124,7 @@ def test_a_situation_starts_at_the_origin_with_the_balls_own_start(world):
     assert torch.cat([start["x_m"], start["y_m"], start["heading_rad"]]).eq(0).all()
     assert torch.cat([start["ball_angle_rad"], start["ball_speed_radps"]], -1).equal(situations)
     assert start["step"].eq(0).all()
-    # The ball is at the angle φ₀ from the origin, and is seen there up to the noise.
+    # The robot stands at the origin and sees the ball at the angle φ₀, up to the noise.
     torch.testing.assert_close(start["bearing"][:, 0], situations[:, 0], rtol=0, atol=0.06)
 
 
@@ -182,12 +182,12 @@ def test_fixed_situations_broadcast_and_come_back_every_episode(situations, worl
         start = env.reset()
         assert start["ball_angle_rad"].eq(torch.tensor(0.4)).all()
         assert start["ball_speed_radps"].eq(torch.tensor(-0.15)).all()
-        for tensor in (given, *start.values()):  # changing them changes nothing in the world
+        for tensor in (given, *start.values()):  # changing these tensors doesn't change the world
             tensor.zero_()
 
 
 def test_the_noise_is_new_at_every_step_and_as_large_as_said(world):
-    """Two robots at the same place differ by their noise alone."""
+    """Two robots at the same place differ only in the noise."""
     situations = torch.tensor([0.1, 0.0], dtype=torch.float64)
     env = FollowBall(world, [4096], situations=situations, dtype=torch.float64, seed=0)
     start = env.reset()
@@ -202,7 +202,7 @@ def test_the_noise_is_new_at_every_step_and_as_large_as_said(world):
 
 
 def test_no_situation_ends_in_fewer_steps(world):
-    """Not even for a robot that sees without noise and always drives straight at the ball."""
+    """Even a robot that sees without noise and drives straight at the ball needs that many."""
     env = FollowBall(replace(world, bearing_noise_rad=0.0), [4096], seed=0)
     state = env.reset()
     for _ in range(env.world.fewest_steps - 1):
@@ -215,7 +215,7 @@ def test_no_situation_ends_in_fewer_steps(world):
     ("radius_m", "catch_m", "stride_m", "fewest"),
     [
         (1.5, 0.2, 0.03, 43),
-        (1.0, 0.25, 0.125, 6),  # six strides lead to just the catch distance: a seventh is needed
+        (1.0, 0.25, 0.125, 6),  # six strides end exactly at the catch distance, so seven are needed
         (1.0, 0.25, 0.3, 2),
         (0.3, 0.2, 0.25, 1),
         (0.2, 0.3, 0.05, 1),  # within the catch distance from the start
@@ -301,7 +301,7 @@ def test_double_to_float(world, follow):
 
 
 def test_a_time_limit_by_transform_is_a_truncation(world, wander):
-    """Unlike the world's own, which is an end of the task."""
+    """The world's own time limit is a termination instead."""
     env = TransformedEnv(FollowBall(world, [3], seed=0), StepCounter(max_steps=10))
     history = play(env, wander, 10)["next"]
     assert history["truncated"][:, -1].all()
@@ -344,7 +344,7 @@ def test_a_collector_takes_the_env_alone(world):
 
 
 def test_step_and_restart_trace_whole(world, follow):
-    """Without a branch on data: that is what a compiled loop needs."""
+    """A compiled loop needs a graph without breaks, so without branches on data."""
     env = FollowBall(world, [LANES], seed=0)
     go_on = torch.compile(
         lambda state: env.restart(env.step(state)["next"]), fullgraph=True, backend="aot_eager"
@@ -374,7 +374,7 @@ def test_set_seed_gives_the_runs_the_seeds_that_follow(world, follow):
 
 @pytest.mark.parametrize("dtype", DTYPES, ids=str)
 def test_a_run_alone_equals_the_same_run_in_any_batch(dtype, world, follow):
-    """The bits are equal in full lanes, whichever other runs are reset and when."""
+    """The bits are equal in full lanes, whichever other runs are reset, and whenever."""
     seeds = in_lanes(torch.tensor([77]))
     alone = play(FollowBall(world, [LANES], seed=seeds, dtype=dtype), follow, 200)
     assert alone["episode"].max() >= 3
@@ -395,7 +395,7 @@ def test_a_run_doesnt_depend_on_the_batchs_shape(shape, world, follow):
 
 
 def test_situations_start_the_same_whatever_happened_before(world, follow, wander):
-    """The n-th of a seed, after better or worse luck, by reset, restart or at once."""
+    """The n-th start of a seed is the same after catches or misses, and by reset or `start`."""
     env = FollowBall(world, [LANES], seed=0)
     starts: dict[tuple[int, int], TensorDictBase] = {}
     for policy in (follow, wander):
@@ -417,7 +417,7 @@ def test_every_situation_is_another_one(world):
 
 
 def test_no_global_random_numbers(world, follow):
-    """The world neither draws nor reads them."""
+    """The world neither draws from torch's global generator nor seeds it."""
 
     def history() -> TensorDictBase:
         env = FollowBall(world, [3], seed=7)

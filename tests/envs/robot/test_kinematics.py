@@ -61,7 +61,7 @@ def test_the_wheels_difference_turns_the_robot(dv, x, y, heading):
 
 @pytest.mark.parametrize("side", [-1, 1], ids=["left", "right"])
 def test_constant_steering_drives_a_circle(side):
-    """Its radius is L/(2|Δv|), to rounding, for any duration."""
+    """The circle's radius is L/(2|Δv|), up to rounding, after any duration."""
     amount = torch.linspace(0.01, 1, 100, dtype=torch.float64)
     radius_m = TRACK_WIDTH_M / (2 * amount)
     start = pose = Pose(*(torch.full_like(amount, value) for value in (1.0, -2.0, 0.7)))
@@ -88,7 +88,7 @@ def test_no_steering_drives_a_straight_line(x, y, heading):
 
 @given(st.floats(-1e-4, 1e-4))
 def test_hardly_any_steering_is_hardly_a_turn(dv):
-    """The result equals the arc's Taylor series, without a division by almost zero."""
+    """The result equals the Taylor series of the arc; nothing is divided by nearly 0."""
     way_m = SPEED_MPS * TIME_STEP_S
     turn_rad = -2 * SPEED_MPS * dv / TRACK_WIDTH_M * TIME_STEP_S
     arc = poses(way_m * (1 - turn_rad**2 / 6), way_m * turn_rad / 2, turn_rad)
@@ -104,7 +104,7 @@ def test_many_small_steps_make_one_large_step(dv, x, y, heading, count, duration
 
 
 def test_it_solves_the_equation_of_motion():
-    """x' = v cos θ, y' = v sin θ, θ' = (v_right − v_left)/L, by a numerical integrator."""
+    """A numerical integrator solves x' = v cos θ, y' = v sin θ, θ' = (v_right − v_left)/L."""
     course = torch.tensor([0.3, -1, 0, 0.05, 1, -0.4], dtype=torch.float64)
     pose = poses(0.1, 0.2, 0.3)
     state = [0.1, 0.2, 0.3]

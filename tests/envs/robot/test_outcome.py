@@ -28,10 +28,10 @@ FAR, NEAR = 2.0, 0.1
         (0, -NEAR, 60, 1, True),
         (0, 0, 60, 1, True),
         (NEAR, NEAR, 120, 1, True),  # a catch at the very last step is a catch
-        (0.25, 0, 60, 0, False),  # exactly at the distance is not a catch
+        (0.25, 0, 60, 0, False),  # exactly the catch distance is not a catch
         (-0.15, 0.2, 60, 0, False),
         (math.nextafter(0.25, 0), 0, 60, 1, True),
-        (0.2, 0.2, 60, 0, False),  # a circle, not a square
+        (0.2, 0.2, 60, 0, False),  # the distance is Euclidean
     ],
 )
 def test_reward_and_end(east_m, north_m, step, reward, terminated, dtype):

@@ -58,8 +58,8 @@ def test_wrap_leaves_an_angle_within_half_a_turn_alone():
         (0, 0, 0),  # straight ahead
         (0.3, 0, 0.3),  # to the left
         (-0.3, 0, -0.3),  # to the right
-        (0.3, 0.5, -0.2),  # from a robot that looks further to the left
-        (0.9, 0.2 + 6 * math.pi, 0.7),  # that has turned about itself
+        (0.3, 0.5, -0.2),  # the robot's heading is further to the left
+        (0.9, 0.2 + 6 * math.pi, 0.7),  # the robot has turned three times
         (-3, 3, 2 * math.pi - 6),  # across ±π
         (3, -3, 6 - 2 * math.pi),
     ],
@@ -102,7 +102,7 @@ def test_noise_comes_before_the_edge(true_rad, noise_rad, seen_rad):
 
 
 def test_noise_comes_after_the_wrap():
-    """A ball just to the left of behind stays on the left, whatever the noise."""
+    """A ball behind, just on the left, is seen on the left whatever the noise."""
     assert bearing(math.pi - 0.001, noise_rad=0.01, view_rad=math.pi) == math.pi
     assert bearing(0.001 - math.pi, noise_rad=-0.01, view_rad=math.pi) == -math.pi
 

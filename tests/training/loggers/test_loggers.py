@@ -66,7 +66,7 @@ def test_each_job_of_a_batch_is_logged_and_then_the_sweep(
     of_each += ["sweep: 2 jobs, ['learning_curves.png']", "closes"]
     assert recording.log == [f"{name} {line}" for line in of_each for name in ("wandb", "mlflow")]
 
-    # With other loggers it is the same sweep, which is finished: there is nothing new to log.
+    # With other loggers it is the same finished sweep, so there is nothing new to log.
     recording.log.clear()
     assert fnnq_train(*SWEEP, "logger=mlflow", f"hydra.sweep.dir={sweep}", "-m") == 0
     assert recording.log == []

@@ -64,7 +64,7 @@ def test_one_wandb_run_for_each_of_22_runs_has_all_rows(tmp_path: Path) -> None:
         sweep=directory.parent,
     )
     runs = logged(job)
-    # The file numbers its seeds from 0.
+    # The file with the values numbers the seeds from 0.
     by_seed = {int(run.name.removeprefix("seed=").partition(" ")[0]) - 7: run for run in runs}
     found = [
         {"seed": seed, "lam": run.config["lam"]}
@@ -183,12 +183,12 @@ def test_online_for_who_is_logged_in(
 
 
 def test_wandb_offline_is_heeded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """``wandb offline`` writes it to a file, and ``wandb online`` removes it."""
+    """``wandb offline`` writes this setting to a file, and ``wandb online`` removes it."""
     monkeypatch.setenv("WANDB_API_KEY", KEY)
     monkeypatch.setenv("WANDB_CONFIG_DIR", str(tmp_path))
     for mode, line in (("offline", "mode = offline"), ("online", "")):
         (tmp_path / "settings").write_text(f"[default]\n{line}\n")
-        wandb.teardown()  # which has read them by now
+        wandb.teardown()  # ends the process, which has read the settings
         assert wandb_module._mode("auto") == mode
         assert wandb_module._mode("online") == "online"
     wandb.teardown()
@@ -198,7 +198,7 @@ def test_a_login_is_found_in_netrc(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     monkeypatch.setenv("NETRC", str(tmp_path / "netrc"))
     monkeypatch.setenv("WANDB_BASE_URL", "https://wandb.example")
     (tmp_path / "netrc").write_text(f"machine wandb.example login user password {KEY}\n")
-    wandb.teardown()  # which has read the server's address by now
+    wandb.teardown()  # ends the process, which has read the server's address
     assert wandb_module._mode("auto") == "online"
     wandb.teardown()
 
@@ -259,7 +259,7 @@ def test_a_server_that_is_slow_in_the_end_is_told_of_once(
 
 
 def test_the_loss_of_wandbs_process_is_one_line(tmp_path: Path) -> None:
-    """Wandb itself would print a traceback at the exit, or end the command."""
+    """Without our handling, wandb would print a traceback at the exit, or end the command."""
     write_job(tmp_path)
     script = f"""
 import os, signal, subprocess

@@ -1,4 +1,4 @@
-"""The content of the ``.wandb`` files that wandb writes of offline runs."""
+"""Reading the ``.wandb`` files that wandb writes for offline runs."""
 
 import json
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ _FULL, _LAST = 1, 4
 
 
 class WandbRun(NamedTuple):
-    """One run, whose values are those of JSON."""
+    """One run in wandb, with its values decoded from JSON."""
 
     group: str
     job_type: str
@@ -55,14 +55,14 @@ def _values(items: Any) -> dict[str, Any]:
 
 
 def _records(path: Path) -> Iterator[Record]:
-    """Yield the records of a LevelDB log, after a header of 7 bytes.
+    """Yield the records of a LevelDB log whose file begins with a header of 7 bytes.
 
     https://github.com/google/leveldb/blob/main/doc/log_format.md
     """
     content = path.read_bytes()
     place, parts = _HEADER, b""
     while place + _OF_RECORD <= len(content):
-        if _BLOCK - place % _BLOCK < _OF_RECORD:  # the end of a block has no room for a record
+        if _BLOCK - place % _BLOCK < _OF_RECORD:  # too little room in the block for a record
             place += _BLOCK - place % _BLOCK
             continue
         size = int.from_bytes(content[place + 4 : place + 6], "little")

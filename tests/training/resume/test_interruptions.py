@@ -1,4 +1,4 @@
-"""The moments at which a training is saved and ended."""
+"""The moments at which a training is saved or ended."""
 
 import errno
 import os
@@ -151,7 +151,7 @@ def test_signals_that_somebody_answers_are_theirs() -> None:
 @pytest.mark.parametrize("well", [True, False])
 def test_whoever_asks_is_told_whether_it_is_saved(well: bool) -> None:
     with Interruptions(1e9) as work:
-        assert not work.save_now(timeout_s=10)  # nothing is at work yet
+        assert not work.save_now(timeout_s=10)  # no work has begun
 
         def save_when_due() -> None:
             while not work.due():

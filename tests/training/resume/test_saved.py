@@ -35,7 +35,7 @@ JOB = config(f"num_seeds={RUNS}", "situations=20", "engine=compiled")
 
 
 class Stop(Interruptions):
-    """Asks for a save at a given visit, and ends the training there."""
+    """Interruptions that ask for a save at a given visit of the keeper, and end the training."""
 
     def __init__(self, at: int) -> None:
         super().__init__(1e9)
@@ -55,11 +55,11 @@ class Stop(Interruptions):
 
 @cache
 def loop_of(engine: MakeLoop, *keys: str) -> list[Loop]:
-    """Return a list for a compiled loop, at first empty, which all trainers share.
+    """Return a list, at first empty, in which all trainers share a compiled loop.
 
     Args:
-        engine: makes the loop.
-        keys: those of the loop's state, which tell the learner's loop from the test's.
+        engine: the function that makes the loop.
+        keys: the keys of the loop's state, which distinguish the learner's loop from the test's.
     """
     return []
 
@@ -148,7 +148,7 @@ def test_nothing_that_is_done_is_done_again(tmp_path: Path, uninterrupted) -> No
 
 
 def in_hand(directory: Path) -> dict[int, int]:
-    """Return the situations that each unfinished run has learned from."""
+    """Return by run the situations that each begun, unfinished run of a saved training learned."""
     ledger = read_plain(directory / "training.pt", FORMAT, "a saved training")["ledger"]
     found = {}
     for jobs, state in ledger["hands"]:
@@ -183,7 +183,7 @@ def test_a_part_of_the_runs_can_go_on_alone(tmp_path: Path, uninterrupted) -> No
     runs = slice(30, 60)
     part = replace(JOB, seed=30, num_seeds=30)
     trainer = make_trainer(part)
-    # As the last job of a sweep, whose other jobs are finished.
+    # The job is the last of a sweep, whose other jobs are finished.
     batch = batch_of(part, tmp_path)
     batch.jobs = [replace(batch.jobs[0], sweep=tmp_path.parent)]
     assert restored(batch, trainer)

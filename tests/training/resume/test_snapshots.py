@@ -16,12 +16,12 @@ def test_every_page_has_the_weights_right_at_that_moment() -> None:
     learner = make_learner(settings, run)
     state = learner.begin(run)
     book = SnapshotBook(state["weights"], every=2, evaluations=EVALUATIONS)
-    numbers = torch.randperm(RUNS, generator=torch.Generator().manual_seed(0))  # of the lanes
+    numbers = torch.randperm(RUNS, generator=torch.Generator().manual_seed(0))  # run of each lane
     chunk = 2 * learner.env.world.fewest_steps
 
     weights = {(0, i): state["weights", "weight"][i] for i in range(RUNS)}
     steps = {(0, i): 0 for i in range(RUNS)}
-    while state["situations"].min() < 8:  # they go on after their last evaluation
+    while state["situations"].min() < 8:  # runs go on after their last evaluation
         for _ in range(chunk):
             state = learner.step(run, state)
             for i in range(RUNS):
@@ -71,7 +71,7 @@ def test_runs_that_take_turns_on_a_lane() -> None:
     book.collect(torch.tensor([0, 1]), state_at([5, 5], [2, 8]))
     book.collect(torch.tensor([-1, 1]), state_at([10, 10], [9, 3]))
     book.collect(torch.tensor([2, -1]), state_at([5, 10], [4, 9]))  # 9: a lane with nothing to do
-    book.collect(torch.tensor([2, 3]), state_at([10, 4], [5, 9]))  # 9: not yet due, whoever had
+    book.collect(torch.tensor([2, 3]), state_at([10, 4], [5, 9]))  # 9: not due for run 3
     assert_pages(book, [[1, 1, 1, 1], [2, 8, 4, 0], [0, 3, 5, 0]])
 
 
@@ -81,7 +81,7 @@ def blank_book(runs: int) -> SnapshotBook:
 
 
 def assert_pages(book: SnapshotBook, numbers: list[list[float]]) -> None:
-    """Check that snapshots and steps are these numbers; no step was taken before learning."""
+    """Check that a book's snapshots and steps are these numbers, with 0 steps before learning."""
     expected = torch.tensor(numbers).float()
     assert torch.equal(book.pages["steps"][1:], expected[1:].long())
     assert (book.pages["steps"][0] == 0).all()
@@ -111,7 +111,7 @@ def test_a_snapshot_waits_until_the_next_is_due(every: int) -> None:
 
 
 def test_a_snapshot_that_nobody_collected_is_told() -> None:
-    """The world claims that its episodes take more steps than they do."""
+    """This happens if the episodes take fewer steps than the world's ``fewest_steps``."""
     book = blank_book(runs=2)
     runs = torch.tensor([0, 1])
     with pytest.raises(ConfigError, match="the world's fewest_steps must"):
