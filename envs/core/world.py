@@ -26,6 +26,9 @@ class WorldConfig(Parameters, ABC):
     measure: ClassVar[str] = "successes"
     """The score of a test: ``successes``, ``return``, or ``length``, of which less is better."""
 
+    action_name: ClassVar[str] = "action"
+    """What the action is called in rules."""
+
     start_values: ClassVar[tuple[str, ...]] = ()
     """The numbers that a fixed start consists of; a world without any has random starts only."""
 

@@ -30,6 +30,7 @@ class FollowBallConfig(WorldConfig):
     catch_reward: float = number(above=0)
     miss_reward: float = number(high=0)
 
+    action_name: ClassVar = "steer"  # Δv: 1 turns right
     start_values: ClassVar = ("angle", "speed")  # the ball's φ0 in rad and ω_b in rad/s
 
     @property

@@ -106,6 +106,7 @@ class MembershipFunction:
         parameters: their names, in our order.
         degree: μ(x), the formula.
         log_degree: log μ(x), which doesn't underflow far from the label.
+        highest: the parameters between which it is highest.
         positive: the parameters that must be above 0.
         rising: the parameters that must not fall, in this order.
         fll: its name in FuzzyLite's language, whose terms have their parameters in our order.
@@ -117,6 +118,7 @@ class MembershipFunction:
     parameters: tuple[str, ...]
     degree: Formula
     log_degree: Formula
+    highest: tuple[str, ...]
     positive: tuple[str, ...]
     rising: tuple[str, ...]
     fll: str
@@ -143,12 +145,22 @@ class MembershipFunction:
         """Between which numbers it is above 0, of given parameters."""
         return (numbers[0], numbers[-1]) if self.compact else (-inf, inf)
 
+    def middle(self, numbers: Sequence[float]) -> float:
+        """The middle of where it is highest, of given parameters; of a sigmoid, its inflection."""
+        tops = [
+            number
+            for name, number in zip(self.parameters, numbers, strict=True)
+            if name in self.highest
+        ]
+        return sum(tops) / len(tops)
+
 
 MEMBERSHIP_FUNCTIONS = {
     "gaussian": MembershipFunction(
         ("centre", "width"),
         gaussian,
         log_gaussian,
+        highest=("centre",),
         positive=("width",),
         rising=(),
         fll="Gaussian",
@@ -159,6 +171,7 @@ MEMBERSHIP_FUNCTIONS = {
         ("a", "b", "c"),
         triangle,
         log_triangle,
+        highest=("b",),
         positive=(),
         rising=("a", "b", "c"),
         fll="Triangle",
@@ -170,6 +183,7 @@ MEMBERSHIP_FUNCTIONS = {
         ("a", "b", "c", "d"),
         trapezoid,
         log_trapezoid,
+        highest=("b", "c"),
         positive=(),
         rising=("a", "b", "c", "d"),
         fll="Trapezoid",
@@ -181,6 +195,7 @@ MEMBERSHIP_FUNCTIONS = {
         ("centre", "width", "slope"),
         bell,
         log_bell,
+        highest=("centre",),
         positive=("width", "slope"),
         rising=(),
         fll="Bell",
@@ -191,6 +206,7 @@ MEMBERSHIP_FUNCTIONS = {
         ("inflection", "slope"),
         sigmoid,
         log_sigmoid,
+        highest=("inflection",),
         positive=(),
         rising=(),
         fll="Sigmoid",
@@ -201,6 +217,7 @@ MEMBERSHIP_FUNCTIONS = {
         ("left", "left_width", "right", "right_width"),
         gaussian_two_sided,
         log_gaussian_two_sided,
+        highest=("left", "right"),
         positive=("left_width", "right_width"),
         rising=("left", "right"),
         fll="GaussianProduct",

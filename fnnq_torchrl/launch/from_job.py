@@ -113,7 +113,7 @@ def _labels(config: Config, task: str) -> dict[str, Any]:
     """Return the labels for another value function: those of the job's, or of its task."""
     value = asdict(config.value)
     if isinstance(config.value, LabelsConfig):
-        return {key: value[key] for key in ("inputs", "action")}
+        return {key: value[key] for key in ("inputs", "action", "names")}
     known = task in choices_of("value/labels")
     return {"defaults": [f"/value/labels/{task}@_here_"]} if known else {}
 
