@@ -200,9 +200,8 @@ def _term(part: _Part, tokens: Tokens) -> None:
     if name.text in [label.name for label in part.labels]:
         raise name.error(f"there is such a term of {part.name} already")
     numbers, function = tokens.numbers(), MEMBERSHIP_FUNCTIONS[_KINDS[kind.text]]
-    if len(numbers) == len(function.parameters) + 1:
-        if numbers.pop() != 1:
-            raise kind.error("terms with a height are not read")
+    if len(numbers) == len(function.parameters) + 1 and numbers.pop() != 1:
+        raise kind.error("terms with a height are not read")
     try:
         part.labels.append(Label(name.text, _KINDS[kind.text], tuple(numbers)))
     except RulesError as error:

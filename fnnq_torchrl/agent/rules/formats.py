@@ -68,7 +68,7 @@ def read_system(path: Path) -> tuple[FuzzySystem, Candidates]:
 
     Raises:
         OSError: it can't be read.
-        RulesError: the ending is unknown, or the file holds no such rules. One line, with the place.
+        RulesError: the ending is unknown, or the file holds no such rules. One line.
     """
     ending = path.suffix.lower()
     if ending not in READERS:

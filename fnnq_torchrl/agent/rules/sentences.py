@@ -1,7 +1,7 @@
 """Rules as people write them, with the words' meanings above: our own text format.
 
-A line each; what follows a # is a remark. The definitions, which a file may leave out where the words
-are known already::
+A line each; what follows a # is a remark. The definitions, which a file may leave out where the
+words are known already::
 
     input bearing from -1.0 to 1.0
     label far_right gaussian -0.5 0.4
@@ -95,8 +95,8 @@ class Knowledge:
     """What somebody knows, in words that are defined elsewhere.
 
     Attributes:
-        values: the values of rules, by the places of their labels, one of each state input and, last,
-            one of the action.
+        values: the values of rules, by the places of their labels, one of each state input and,
+            last, one of the action.
         actions: what to do in states, by the places of their labels: the place of the action's.
     """
 
@@ -113,8 +113,8 @@ def read_knowledge(text: str, file: str, variables: Sequence[Variable]) -> Knowl
         variables: the state inputs and, last, the action.
 
     Raises:
-        RulesError: the place, and what is wrong there: an unknown word, a rule that is there twice or
-            contradicts another, another partition.
+        RulesError: the place, and what is wrong there: an unknown word, a rule that is there
+            twice or contradicts another, another partition.
     """
     definitions, rules = _read_definitions(text, file)
     if definitions.variables:

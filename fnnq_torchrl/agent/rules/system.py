@@ -194,33 +194,15 @@ def fit_names(system: FuzzySystem) -> FuzzySystem:
     return FuzzySystem(tuple(inputs), output, system.consequents, system.t_norm, system.elsewhere)
 
 
-_KEYWORDS = frozenset(
-    [
-        "if",
-        "then",
-        "is",
-        "and",
-        "or",
-        "not",
-        "with",
-        "very",
-        "any",
-        "seldom",
-        "somewhat",
-        "extremely",
-        "input",
-        "action",
-        "label",
-        "output",
-        "candidates",
-        "t_norm",
-        "elsewhere",
-    ]
-)
+_KEYWORDS = {
+    *("if", "then", "is", "and", "or", "not", "with"),
+    *("any", "extremely", "seldom", "somewhat", "very"),  # FuzzyLite's hedges
+    *("input", "action", "label", "output", "candidates", "t_norm", "elsewhere"),
+}
 
 
 def fit_words(names: Sequence[str]) -> list[str]:
-    """Names as words of ASCII letters, digits and _, all different even where case doesn't count."""
+    """Names as words of letters, digits and _, all different even without regard to case."""
     taken: set[str] = set()
     fitted = []
     for name in names:
