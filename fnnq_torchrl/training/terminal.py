@@ -119,6 +119,11 @@ def announce(line: str, console: Console | None = None) -> None:
         console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 
+def say(text: str, console: Console | None = None) -> None:
+    """Write a command's result as it is: to standard output, unless given."""
+    (console or Console()).print(text, soft_wrap=True, markup=False, highlight=False, emoji=False)
+
+
 def print_summary(summary: Summary, picture: Path, console: Console | None = None) -> None:
     """Print the numbers that a user asks for first, and where the picture is.
 

@@ -25,6 +25,8 @@ class Output(nn.Module):
         dtype: of its consequents.
     """
 
+    consequents: Tensor
+
     def __init__(self, system: FuzzySystem, dtype: torch.dtype) -> None:
         super().__init__()
         self._system = system
@@ -53,6 +55,8 @@ class Greedy(nn.Module):
         value: Q.
         candidates: ``[candidates]``.
     """
+
+    candidates: Tensor
 
     def __init__(self, value: Value, candidates: Tensor) -> None:
         super().__init__()

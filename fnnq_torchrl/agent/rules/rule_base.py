@@ -44,7 +44,7 @@ class RuleBase(FuzzySystem):
 
     @classmethod
     def from_network(
-        cls, network: FNNQValue, config: LabelsConfig, world: WorldConfig, run: int = 0
+        cls, network: FNNQValue, config: LabelsConfig, world: WorldConfig, run: int | None = None
     ) -> Self:
         """The rules of a network.
 
@@ -52,9 +52,10 @@ class RuleBase(FuzzySystem):
             network: whose consequents are taken.
             config: that the network was made from, which has its labels and their words.
             world: that it learned in, which has the ranges and the names.
-            run: which of the network's runs.
+            run: which of the network's runs; if not given, the mean over them.
         """
-        weight = network.weight[run].detach().to("cpu", torch.float64)
+        weights = network.weight.detach().to("cpu", torch.float64)
+        weight = weights.mean(0) if run is None else weights[run]
         candidates = tuple(network.candidates.to("cpu", torch.float64).tolist())
         return cls(partition(config, world), "value", weight, candidates=candidates)
 

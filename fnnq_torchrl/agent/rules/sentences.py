@@ -132,9 +132,9 @@ def read_knowledge(text: str, file: str, variables: Sequence[Variable]) -> Knowl
         if words.about_actions:
             values.put(words.labels(), words.number(), token.place)
         elif name == action.name:
-            place = words.tokens.one_of(action.names, f"label of {action.name}")
+            label = words.tokens.one_of(action.names, f"label of {action.name}")
             words.tokens.end()
-            actions.put(words.labels(), action.names.index(place.text), token.place)
+            actions.put(words.labels(), action.names.index(label.text), token.place)
         else:
             raise token.error(f"expected {action.name}, or a label of it in the premise")
     return Knowledge(values.known, {key: int(label) for key, label in actions.known.items()})

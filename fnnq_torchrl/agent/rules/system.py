@@ -137,8 +137,8 @@ class FuzzySystem:
         ]
 
     def premise(self, labels: Sequence[Label]) -> str:
-        """«bearing is left and steer is hard_left», of a label of each input."""
-        pairs = zip(self.inputs, labels, strict=True)
+        """«bearing is left and steer is hard_left», of a label of each input or the first ones."""
+        pairs = zip(self.inputs, labels, strict=False)
         return " and ".join(f"{variable.name} is {label.name}" for variable, label in pairs)
 
     def same_partition(self, inputs: Sequence[Variable]) -> bool:
