@@ -163,7 +163,7 @@ def episode(reading: Reading, situation: int) -> Figure:
         f"{'a success' if success else 'no success'} after {len(points)} steps",
         f"the {_MOST_LINES} rules that fired most; the TD error is r + γ max Q(s′, ·) − Q(s, a)",
     )
-    left, right = np.ravel(figure.subfigures(1, 2, width_ratios=(1, 1.6)))
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.6))[0]
     _path(left.add_subplot(), before, after, reading)
     strengths, errors = right.subplots(2, sharex=True, height_ratios=(2, 1))
     names = [rules.premise(labels) for labels, _ in rules.rules()]
