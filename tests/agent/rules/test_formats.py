@@ -110,14 +110,14 @@ def test_what_cannot_be_exported(name: str, how: dict, line: str, tmp_path: Path
     assert not [*tmp_path.iterdir()]
 
 
-FLL, FIS, TXT = (text_of(paper(), ending) for ending in (".fll", ".fis", ".txt"))
+TEXTS = {ending: text_of(paper(), ending) for ending in ENDINGS}
 RULE = "if bearing is far_right and steer is hard_left then value is "
 
 
 @pytest.mark.parametrize(
     ("ending", "old", "new", "said"),
     [
-        (".fll", "AlgebraicProduct", "EinsteinProduct", "28:16: 'EinsteinProduct': no such t-norm"),
+        (".fll", "AlgebraicProduct", "EinsteinProduct", "49:16: 'EinsteinProduct': no such t-norm"),
         (".fll", "Gaussian -0.5 0.4", "Spike -0.5 0.4", "6:19: 'Spike': terms of this class"),
         (".fll", "Gaussian -0.5 0.4", "Gaussian -0.5 0", "6:19: label 'far_right': gaussian"),
         (".fll", "Gaussian -0.5 0.4", "Gaussian -0.5 x", "6:33: 'x': expected a number"),
@@ -135,9 +135,9 @@ RULE = "if bearing is far_right and steer is hard_left then value is "
         (".fis", "1 1, 1 (1) : 1", "0 1, 1 (1) : 1", ": '0': rules without bearing are not read"),
         (".fis", "'gaussmf'", "'pimf'", "this membership function is not read"),
         (".fis", "'constant'", "'linear'", "output terms of this kind are not read"),
-        (".txt", "far_right and", "far_rigt and", "22:15: 'far_rigt': no such label of bearing;"),
-        (".txt", RULE, f"{RULE}1\n{RULE}", "23:1: 'value' is"),
-        (".txt", RULE, f"{RULE}nan #", "22:64: 'nan': expected a number, a finite one"),
+        (".txt", "far_right and", "far_rigt and", "17:15: 'far_rigt': no such label of bearing;"),
+        (".txt", RULE, f"{RULE}1\n{RULE}", "contradicts an earlier one, of line 17"),
+        (".txt", RULE, f"{RULE}nan #", "17:62: 'nan': expected a number, a finite one"),
         (".txt", "t_norm product", "t_norm prodct", "'prodct': no such t-norm; did you mean"),
         (".txt", "action steer", "input steer", None),
         (".txt", "label hard_left", "lable hard_left", ": 'lable': did you mean label?"),
@@ -146,7 +146,7 @@ RULE = "if bearing is far_right and steer is hard_left then value is "
 def test_what_is_not_read_is_named_with_its_place(
     ending: str, old: str, new: str, said: str | None
 ) -> None:
-    text = {".fll": FLL, ".fis": FIS, ".txt": TXT}[ending]
+    text = TEXTS[ending]
     assert old in text
     changed = text.replace(old, new, 1)
     if said is None:
@@ -157,10 +157,7 @@ def test_what_is_not_read_is_named_with_its_place(
     message = str(refused.value)
     assert message.startswith("f:")
     assert "\n" not in message
-    if not said.startswith("23:1"):
-        assert said in message
-    else:
-        assert "contradicts an earlier one, of line 22" in message
+    assert said in message
 
 
 def damaged(draw: st.DrawFn, text: str) -> str:
@@ -180,9 +177,9 @@ def damaged(draw: st.DrawFn, text: str) -> str:
 
 @pytest.mark.parametrize("ending", ENDINGS)
 @given(data=st.data())
-@settings(max_examples=40)
+@settings(max_examples=25)
 def test_damaged_files_are_told_in_one_line(ending: str, data: st.DataObject) -> None:
-    text = data.draw(st.composite(damaged)(text_of(paper(), ending)))
+    text = data.draw(st.composite(damaged)(TEXTS[ending]))
     message = refusal(ending, text)
     assert message is None or (message.startswith("file:") and message.isprintable())
     assert message is None or len(message) < 400
@@ -237,14 +234,14 @@ def test_knowledge() -> None:
     known = read_knowledge(text, "f", paper().inputs)
     assert known.values == {(4, 0): 0.5}
     assert known.actions == {(0,): 3, (2,): 1}
-    whole = read_knowledge(TXT, "f", paper().inputs)
+    whole = read_knowledge(TEXTS[".txt"], "f", paper().inputs)
     assert len(whole.values) == 20
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("if bearing is left then steer up", "f:1:30: 'up': no such label of steer; expected hard"),
+        ("if bearing is left then steer up", "f:1:31: 'up': no such label of steer; expected hard"),
         ("if bearing is left then stear left", "f:1:25: 'stear': expected steer, or a label of it"),
         ("if bearing left", "f:1:12: 'left': expected is"),
         ("if bearing is left", "f:1:19: the line ends here; expected and or then"),
