@@ -137,7 +137,6 @@ def _onnx(module: nn.Module, inputs: dict[str, Tensor], output: str) -> Files:
     if find_spec("onnx") is None or find_spec("onnxscript") is None:
         raise RulesError(".onnx needs a library more: pip install 'fnnq_torchrl[onnx]'")
     exported = _export(module, inputs)
-    names = {"input_names": [*inputs], "output_names": [output]}
     log = logging.getLogger("torch.onnx")
     level = log.level
     log.setLevel(logging.ERROR)  # it warns that torchvision isn't installed
@@ -145,7 +144,12 @@ def _onnx(module: nn.Module, inputs: dict[str, Tensor], output: str) -> Files:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             program = torch.onnx.export(
-                exported, kwargs=inputs, dynamo=True, verbose=False, **names
+                exported,
+                kwargs=inputs,
+                input_names=[*inputs],
+                output_names=[output],
+                dynamo=True,
+                verbose=False,
             )
     finally:
         log.setLevel(level)
