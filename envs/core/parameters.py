@@ -107,6 +107,19 @@ def texts(most: int) -> Any:
     )
 
 
+def words(**default: Any) -> Any:
+    """A list of different words; `default` is for files from before there was such a key."""
+    return _declare(
+        lambda value: (
+            isinstance(value, list)
+            and all(isinstance(word, str) and re.fullmatch(_WORD, word) for word in value)
+            and len({*value}) == len(value)
+        ),
+        "a list of different words of letters, digits and _, no digit first",
+        **default,
+    )
+
+
 def rising_pair(first: str, second: str) -> Any:
     """A list of two finite numbers, the second above the first."""
     return _declare(
@@ -216,12 +229,14 @@ def allowed(schema: type[Parameters], prefix: str = "") -> dict[str, str]:
     return words
 
 
+_WORD = "[A-Za-z_][A-Za-z0-9_]{0,63}"
+
 _RANGE = "range"  # the key of a field's Range in its metadata
 
 
-def _declare(holds: Callable[[Any], bool], words: str) -> Any:
+def _declare(holds: Callable[[Any], bool], words: str, **default: Any) -> Any:
     # Any, as in dataclasses' own stubs: it is assigned to fields of any type.
-    return field(metadata={_RANGE: Range(holds, words)})
+    return field(metadata={_RANGE: Range(holds, words)}, **default)
 
 
 def _is_whole(value: Any) -> bool:

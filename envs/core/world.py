@@ -29,6 +29,9 @@ class WorldConfig(Parameters, ABC):
     successes: ClassVar[str] = "successes"
     """The word for the successes that a test counts, in the plural."""
 
+    action_name: ClassVar[str] = "action"
+    """What the action is called in rules."""
+
     start_values: ClassVar[tuple[str, ...]] = ()
     """The names of the numbers of a fixed start; a world without any has random starts only."""
 

@@ -31,6 +31,7 @@ class FollowBallConfig(WorldConfig):
     miss_reward: float = number(high=0)
 
     successes: ClassVar = "catches"
+    action_name: ClassVar = "steer"  # Δv: 1 turns right
     start_values: ClassVar = ("angle", "speed")  # the ball's φ0 in rad and ω_b in rad/s
 
     @property

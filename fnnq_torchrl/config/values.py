@@ -22,6 +22,7 @@ from envs.core.parameters import (
     texts,
     whole,
     wholes,
+    words,
 )
 from envs.core.registry import KIND
 from envs.core.world import WorldConfig
@@ -72,8 +73,25 @@ class LabelsConfig(ValueConfig):
     inputs: dict[str, list[Any]] = pairs("centre", "width", above=0)
     action: list[Any] = pairs("centre", "width", above=0)
     width: str = one_of("sigma", "variance")
+    names: dict[str, list[str]] = words(default_factory=dict)  # older jobs have none
 
     of_each_input: ClassVar = "labels"
+
+    def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
+        """Yield unknown inputs, and names of labels of what is neither input nor action."""
+        yield from super().misfits(world)
+        known = (*world.observations, world.action_name)
+        for name in self.names:
+            if name not in known:
+                words = f"under the name of one of: {', '.join(known)}"
+                yield OutOfRange(f"names.{name}", self.names[name], words)
+
+    def names_of(self, variable: str, count: int) -> list[str]:
+        """Return the words for a variable's labels; numbers where there aren't as many words."""
+        names = self.names.get(variable, [])
+        if len(names) == count:
+            return [*names]
+        return [f"label_{number}" for number in range(1, count + 1)]
 
 
 @dataclass

@@ -1,6 +1,8 @@
 """Command lines whose mistakes are told in one line."""
 
-from argparse import ArgumentParser
+import difflib
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 
@@ -10,6 +12,32 @@ class OneLineParser(ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{' '.join(message.split())}\n")
+
+
+def read_words(program: str, description: str | None, keys: Iterable[str]) -> dict[str, str]:
+    """Read a command line of words ``key=value``; a mistake is one line, and the exit status 2.
+
+    Args:
+        program: the command.
+        description: for ``--help``.
+        keys: what may be set; ``explain.`` is any key that begins with it.
+    """
+    form = RawDescriptionHelpFormatter
+    parser = OneLineParser(program, description=description, formatter_class=form)
+    parser.add_argument("words", nargs="*", metavar="key=value")
+    known, values = [*keys], dict[str, str]()
+    for word in parser.parse_args().words:
+        key, equals, value = word.partition("=")
+        if not equals:
+            parser.error(f"{word}: can't be read as key=value")
+        if not any(key == each or (each.endswith(".") and key.startswith(each)) for each in known):
+            near = difflib.get_close_matches(key, known, n=1)
+            advice = f"did you mean {near[0]}?" if near else f"there is {', '.join(known)}"
+            parser.error(f"{word}: there is no {key}; {advice}")
+        if key in values:
+            parser.error(f"{word}: {key} is there twice")
+        values[key] = value
+    return values
 
 
 def page_parser(program: str, description: str | None) -> OneLineParser:

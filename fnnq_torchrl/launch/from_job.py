@@ -114,7 +114,7 @@ def _labels(config: Config, task: str) -> dict[str, Any]:
     """Return the labels that another value function would get: the job's own, or its task's."""
     value = asdict(config.value)
     if isinstance(config.value, LabelsConfig):
-        return {key: value[key] for key in ("inputs", "action")}
+        return {key: value[key] for key in ("inputs", "action", "names")}
     known = task in choices_of("value/labels")
     return {"defaults": [f"/value/labels/{task}@_here_"]} if known else {}
 

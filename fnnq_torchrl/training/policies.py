@@ -4,9 +4,29 @@ from pathlib import Path
 
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
-from fnnq_torchrl.agent.values import make_value_network
+from fnnq_torchrl.agent.rules import RuleBase
+from fnnq_torchrl.agent.values import FNNQValue, make_value_network
 from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.training.weights import load_checkpoint
+
+
+def load_rules(run: str | Path, seed: int | None = None, *, own: bool = False) -> RuleBase:
+    """Load the rules that a finished job of ``value=fnnq`` has learned.
+
+    Args:
+        run: the job's directory.
+        seed: of one of its runs; if not given, the mean over all of them.
+        own: as in :func:`load_policy`.
+
+    Raises:
+        OSError: the job's checkpoint.pt can't be read.
+        ValueError: it is damaged, there is no such run, or its value function has no rules.
+    """
+    network = load_policy(run, seed, own=own).value_network
+    if not isinstance(network, FNNQValue):
+        raise ValueError(f"{run}: its value function has no rules; value=fnnq has")
+    config = to_config(load_checkpoint(Path(run) / "checkpoint.pt").config, own=own)
+    return RuleBase.from_network(network, config.value, config.env)
 
 
 def load_policy(

@@ -121,6 +121,11 @@ def announce(line: str, console: Console | None = None) -> None:
         console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 
+def say(text: str, console: Console | None = None) -> None:
+    """Print a command's result unchanged, to standard output unless another console is given."""
+    (console or Console()).print(text, soft_wrap=True, markup=False, highlight=False, emoji=False)
+
+
 def line_label(directory: Path, part: str = "") -> str:
     """Return the beginning of a log line, the name of its job or batch.
 

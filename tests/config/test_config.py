@@ -85,6 +85,10 @@ def test_the_defaults_are_the_papers_and_spec(default):
             "inputs": {"bearing": [[-0.5, 0.4], [-0.1, 0.1], [0, 0.05], [0.1, 0.1], [0.5, 0.4]]},
             "action": [[-1, 0.4], [-0.4, 0.3], [0.4, 0.3], [1, 0.4]],
             "width": "sigma",
+            "names": {
+                "bearing": ["far_right", "right", "ahead", "left", "far_left"],
+                "steer": ["hard_left", "left", "right", "hard_right"],
+            },
         },
         "action": {"candidates": 21},
         "evaluation": {

@@ -1,0 +1,19 @@
+"""Rules that people read and write: rule bases, controllers, explanations, and their files."""
+
+from fnnq_torchrl.agent.rules.controller import Controller
+from fnnq_torchrl.agent.rules.errors import RulesError
+from fnnq_torchrl.agent.rules.explanation import Explanation
+from fnnq_torchrl.agent.rules.partition import Label, Variable
+from fnnq_torchrl.agent.rules.rule_base import RuleBase, partition
+from fnnq_torchrl.agent.rules.system import FuzzySystem
+
+__all__ = [
+    "Controller",
+    "Explanation",
+    "FuzzySystem",
+    "Label",
+    "RuleBase",
+    "RulesError",
+    "Variable",
+    "partition",
+]

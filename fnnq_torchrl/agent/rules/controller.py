@@ -1,0 +1,127 @@
+"""From a greedy policy to rules of state → action."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import torch
+from scipy.optimize import lsq_linear
+from torch import Tensor
+
+from fnnq_torchrl.agent.rules.partition import Label, Variable
+from fnnq_torchrl.agent.rules.system import FuzzySystem
+
+_POINTS = 2_001
+_BISECTIONS = 50
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of an input's range in which the greedy action is the same.
+
+    Attributes:
+        low, high: its ends.
+        action: the greedy action.
+    """
+
+    low: float
+    high: float
+    action: float
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """What a robot does: the greedy action over the state, and rules that come close to it.
+
+    Attributes:
+        states: points of the grid on the states' ranges, ``[points, states]``.
+        greedy: the greedy action at each, ``[points]``.
+        stretches: where which action is the greedy one; of one state input only, else empty.
+        distilled: the rules, one number for each label of each input with each of the others'.
+        action: the action's variable.
+        largest_difference, mean_difference: between the two, over the grid.
+    """
+
+    states: Tensor
+    greedy: Tensor
+    stretches: list[Stretch]
+    distilled: FuzzySystem
+    action: Variable
+    largest_difference: float
+    mean_difference: float
+
+    @property
+    def switches(self) -> list[float]:
+        """Where the greedy action changes, rising."""
+        return [stretch.low for stretch in self.stretches[1:]]
+
+    def sentences(self) -> list[str]:
+        """The rules with the action's nearest words: «if bearing is left then steer hard_left»."""
+        return [
+            f"if {self.distilled.premise(labels)} "
+            f"then {self.action.name} {self.word(value)} ({value:+.2f})"
+            for labels, value in self.distilled.rules()
+        ]
+
+    def word(self, action: float) -> str:
+        """The label of the action to which a number belongs most."""
+        degrees = self.action.log_degrees(torch.tensor(action, dtype=torch.float64), "nearest")
+        label: Label = self.action.labels[int(degrees.argmax())]
+        return label.name
+
+
+def distil(
+    states: Sequence[Variable],
+    action: Variable,
+    greedy: Callable[[Tensor], Tensor],
+    t_norm: str = "product",
+    elsewhere: str = "nearest",
+) -> Controller:
+    """Fit one number for each state rule to a greedy policy, by least squares within the range.
+
+    Args:
+        states: the state inputs.
+        action: the action's variable, whose range the numbers stay in.
+        greedy: the action in every state, ``[points]`` of ``[points, states]``.
+        t_norm, elsewhere: of the rules.
+    """
+    each = max(2, round(_POINTS ** (1 / len(states))))
+    axes = [torch.linspace(*state.span(), each, dtype=torch.float64) for state in states]
+    grid = torch.cartesian_prod(*axes).reshape(-1, len(states))
+    actions = greedy(grid)
+    zeros = torch.zeros([len(state.labels) for state in states], dtype=torch.float64)
+    blank = FuzzySystem(tuple(states), action.name, zeros, t_norm, elsewhere)
+    firing = blank.firing(grid).flatten(1)
+    low, high = action.span()
+    # The same least squares with as many equations as there are numbers.
+    turned, triangle = torch.linalg.qr(firing)
+    fitted = lsq_linear(triangle.numpy(), (turned.T @ actions).numpy(), (low, high)).x
+    numbers = torch.from_numpy(fitted).clamp(low, high).view_as(zeros)
+    distilled = FuzzySystem(tuple(states), action.name, numbers, t_norm, elsewhere)
+    differences = (distilled.evaluate(grid) - actions).abs()
+    return Controller(
+        grid,
+        actions,
+        _stretches(grid[:, 0], actions, greedy) if len(states) == 1 else [],
+        distilled,
+        action,
+        float(differences.max()),
+        float(differences.mean()),
+    )
+
+
+def _stretches(x: Tensor, actions: Tensor, greedy: Callable[[Tensor], Tensor]) -> list[Stretch]:
+    """The stretches of a policy of one input, their ends found by bisection between neighbours."""
+    changes = (actions[1:] != actions[:-1]).nonzero().flatten()
+    low, high = x[changes].clone(), x[changes + 1].clone()
+    before = actions[changes]
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        same = greedy(middle.unsqueeze(-1)) == before
+        low, high = torch.where(same, middle, low), torch.where(same, high, middle)
+    ends = [float(x[0]), *high.tolist(), float(x[-1])]
+    values = [float(actions[0]), *actions[changes + 1].tolist()]
+    return [
+        Stretch(start, end, value)
+        for (start, end), value in zip(pairwise(ends), values, strict=True)
+    ]

@@ -1,0 +1,281 @@
+"""MATLAB's and Octave's files of fuzzy systems, as far as we have them: Sugeno's, of order zero."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from math import inf
+
+from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices
+from fnnq_torchrl.agent.rules.grid import Grid
+from fnnq_torchrl.agent.rules.partition import Label, Variable
+from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_names, fit_words
+from fnnq_torchrl.agent.rules.tokens import Token, Tokens, number
+from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS, T_NORMS
+
+_KINDS = {function.fis: name for name, function in MEMBERSHIP_FUNCTIONS.items()}
+_T_NORMS = {t_norm.fis: name for name, t_norm in T_NORMS.items()}
+
+
+def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
+    """The text of a system; it can't hold candidates. Every number is in full.
+
+    Args:
+        system: which; its inputs have finite ranges, or those that their labels span.
+        candidates: left out.
+    """
+    system = fit_names(system)
+    values = [value for _, value in system.rules()]
+    terms = fit_words(["_".join(label.name for label in labels) for labels, _ in system.rules()])
+    lines = [
+        "[System]",
+        "Name='fnnq_torchrl'",
+        "Type='sugeno'",
+        "Version=2.0",
+        f"NumInputs={len(system.inputs)}",
+        "NumOutputs=1",
+        f"NumRules={len(values)}",
+        f"AndMethod='{T_NORMS[system.t_norm].fis}'",
+        "OrMethod='max'",
+        "ImpMethod='prod'",
+        "AggMethod='sum'",
+        "DefuzzMethod='wtaver'",
+    ]
+    for i, variable in enumerate(system.inputs, start=1):
+        low, high = variable.span()
+        lines += ["", f"[Input{i}]", f"Name='{variable.name}'", f"Range=[{low!r} {high!r}]"]
+        lines.append(f"NumMFs={len(variable.labels)}")
+        for j, label in enumerate(variable.labels, start=1):
+            function = label.function
+            numbers = " ".join(repr(label.parameters[place]) for place in function.fis_order)
+            lines.append(f"MF{j}='{label.name}':'{function.fis}',[{numbers}]")
+    # Octave wants a range that isn't empty, of which nothing else is made.
+    low, high = min(values), max(values)
+    high = high if high > low else low + 1.0
+    lines += ["", "[Output1]", f"Name='{system.output}'", f"Range=[{low!r} {high!r}]"]
+    lines.append(f"NumMFs={len(values)}")
+    lines += [
+        f"MF{j}='{term}':'constant',[{value!r}]"
+        for j, (term, value) in enumerate(zip(terms, values, strict=True), start=1)
+    ]
+    lines += ["", "[Rules]"]
+    places = {
+        (i, label.name): j
+        for i, variable in enumerate(system.inputs)
+        for j, label in enumerate(variable.labels, start=1)
+    }
+    for j, (labels, _) in enumerate(system.rules(), start=1):
+        premise = " ".join(str(places[i, label.name]) for i, label in enumerate(labels))
+        lines.append(f"{premise}, {j} (1) : 1")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
+    """Read a system; arguments, result and errors as :func:`.sentences.read`; no candidates.
+
+    What such files may have and we don't is told by its name and its line.
+    """
+    parts, section = _Parts(), ""
+    for line in _lines(text, file):
+        if header := re.fullmatch(r"\[\s*([A-Za-z]+)\s*([0-9]{0,4})\s*\]", line.text):
+            section = header.group(1).lower()
+            if section not in _SECTIONS:
+                raise line.error(choices(section, _SECTIONS))
+            if section == "output" and parts.outputs:
+                raise line.error("a second output is not read")
+            if section in ("input", "output"):
+                of = parts.inputs if section == "input" else parts.outputs
+                of.append(_Part("", line.place))
+        elif not section:
+            raise line.error("expected [System]")
+        elif section == "rules":
+            parts.rules.append(Tokens(line.text, line.place))
+        else:
+            _read_key(parts, section, line)
+    return parts.finish(Place(file, max(1, text.count("\n")))), ()
+
+
+def _lines(text: str, file: str) -> Iterator[Token]:
+    for i, line in enumerate(text.split("\n"), start=1):
+        content = re.sub(r"\s*[%#].*", "", line) if "'" not in line else line
+        if content.strip():
+            yield Token(content.strip(), Place(file, i, len(content) - len(content.lstrip()) + 1))
+
+
+@dataclass
+class _Part:
+    """A variable, as far as it is read."""
+
+    name: str
+    place: Place
+    low: float = -inf
+    high: float = inf
+    labels: list[Label] = field(default_factory=list)
+    constants: list[float] = field(default_factory=list)
+
+
+@dataclass
+class _Parts:
+    """What the file holds, as far as it is read."""
+
+    inputs: list[_Part] = field(default_factory=list)
+    outputs: list[_Part] = field(default_factory=list)
+    rules: list[Tokens] = field(default_factory=list)
+    t_norm: str = "product"
+    sugeno: bool = False
+
+    def finish(self, end: Place) -> FuzzySystem:
+        """The system that the parts make."""
+        if not self.sugeno:
+            raise end.error("the file ends here; expected Type='sugeno'")
+        if not self.inputs or not self.outputs or not self.rules:
+            raise end.error("the file ends here; expected [Input1], [Output1] and [Rules]")
+        variables, [output] = [], self.outputs
+        for part in self.inputs:
+            try:
+                variables.append(Variable(part.name, tuple(part.labels), part.low, part.high))
+            except RulesError as error:
+                raise part.place.error(str(error)) from None
+        grid = Grid(variables)
+        for tokens in self.rules:
+            _put_rule(tokens, grid, variables, output)
+        numbers = grid.consequents(end)
+        try:
+            return FuzzySystem(tuple(variables), output.name, numbers, self.t_norm)
+        except RulesError as error:
+            raise output.place.error(str(error)) from None
+
+
+def _put_rule(tokens: Tokens, grid: Grid, variables: Sequence[Variable], output: _Part) -> None:
+    """Put «1 2, 7 (1) : 1» in its place: the labels of the inputs, the output's, weight, and."""
+    labels = []
+    for variable in variables:
+        place = _whole(tokens.take(f"the number of a label of {variable.name}"))
+        if place[0] == 0:
+            raise place[1].error(f"rules without {variable.name} are not read")
+        if place[0] < 0:
+            raise place[1].error("rules with not are not read")
+        if place[0] > len(variable.labels):
+            raise place[1].error(f"{variable.name} has {len(variable.labels)} labels")
+        labels.append(place[0] - 1)
+    tokens.word(",")
+    term, token = _whole(tokens.take(f"the number of a label of {output.name}"))
+    if not 1 <= term <= len(output.constants):
+        raise token.error(f"{output.name} has {len(output.constants)} labels")
+    tokens.word("(")
+    weight = tokens.take("a weight")
+    if number(weight) != 1:
+        raise weight.error("rules with a weight are not read")
+    tokens.word(")")
+    tokens.word(":")
+    joint = tokens.take("1, for and")
+    if joint.text not in ("1", "2"):
+        raise joint.error("expected 1, for and")
+    if joint.text == "2" and len(variables) > 1:
+        raise joint.error("rules with or are not read")
+    tokens.end()
+    grid.put(labels, output.constants[term - 1], token.place)
+
+
+def _whole(token: Token) -> tuple[int, Token]:
+    """The whole number that a token is, and the token."""
+    if not re.fullmatch(r"-?[0-9]{1,6}(\.0{0,6})?", token.text):
+        raise token.error("expected a whole number")
+    return int(token.text.partition(".")[0]), token
+
+
+def _read_key(parts: _Parts, section: str, line: Token) -> None:
+    key, equals, value = line.text.partition("=")
+    key = key.strip()
+    if not equals:
+        raise line.error("expected KEY=VALUE")
+    column = line.place.column + len(line.text) - len(value) + len(value) - len(value.lstrip())
+    of_value = Token(value.strip(), Place(line.place.file, line.place.line, column))
+    if section == "system":
+        return _system_key(parts, key, of_value, line)
+    part = (parts.inputs if section == "input" else parts.outputs)[-1]
+    if key == "Name":
+        part.name = _quoted(of_value)
+    elif key == "Range":
+        low, high = _numbers(of_value, 2)
+        part.low, part.high = low, high
+    elif re.fullmatch("MF[0-9]{1,6}", key):
+        _membership(part, section, of_value)
+    elif key != "NumMFs":
+        raise line.error(choices(key, ("Name", "Range", "NumMFs", "MF1")))
+    return None
+
+
+def _system_key(parts: _Parts, key: str, value: Token, line: Token) -> None:
+    if key == "Type":
+        if _quoted(value).lower() != "sugeno":
+            raise value.error("systems of this type are not read; expected 'sugeno'")
+        parts.sugeno = True
+    elif key == "AndMethod":
+        if (given := _quoted(value)) not in _T_NORMS:
+            raise value.error(f"this t-norm is not read; expected {' or '.join(_T_NORMS)}")
+        parts.t_norm = _T_NORMS[given]
+    elif key == "DefuzzMethod":
+        if _quoted(value) != "wtaver":
+            raise value.error("this defuzzifier is not read; expected 'wtaver'")
+    elif key not in _OF_NO_MATTER:
+        raise line.error(choices(key, ("Type", "AndMethod", "DefuzzMethod", *_OF_NO_MATTER)))
+
+
+_OF_NO_MATTER = (
+    "Name",
+    "Version",
+    "NumInputs",
+    "NumOutputs",
+    "NumRules",
+    "OrMethod",
+    "ImpMethod",
+    "AggMethod",
+)
+_SECTIONS = ("system", "input", "output", "rules")
+
+
+def _membership(part: _Part, section: str, value: Token) -> None:
+    """The value of MF1: «'name':'kind',[parameters]»."""
+    found = re.fullmatch(
+        r"'([^']{1,200})'\s*:\s*'([^']{1,200})'\s*,\s*(\[.*\]|[^\[\]]+)", value.text
+    )
+    if found is None:
+        raise value.error("expected 'NAME':'KIND',[NUMBERS]")
+    name, kind = found.group(1), found.group(2)
+    place = value.place
+    numbers = Token(found.group(3), Place(place.file, place.line, place.column + found.start(3)))
+    if section == "output":
+        if kind != "constant":
+            raise value.error("output terms of this kind are not read; expected 'constant'")
+        part.constants.append(_numbers(numbers, 1)[0])
+        return
+    if kind not in _KINDS:
+        raise value.error(f"this membership function is not read; {choices(kind, _KINDS)}")
+    function = MEMBERSHIP_FUNCTIONS[_KINDS[kind]]
+    given = _numbers(numbers, len(function.parameters))
+    ours = [0.0] * len(given)
+    for theirs, place_of_ours in zip(given, function.fis_order, strict=True):
+        ours[place_of_ours] = theirs
+    try:
+        part.labels.append(Label(name, _KINDS[kind], tuple(ours)))
+    except RulesError as error:
+        raise place.error(str(error)) from None
+
+
+def _quoted(value: Token) -> str:
+    """The text between a value's quotes."""
+    if not re.fullmatch(r"'[^']{1,200}'", value.text):
+        raise value.error("expected a text in quotes, '...'")
+    return value.text[1:-1]
+
+
+def _numbers(value: Token, count: int) -> list[float]:
+    """The numbers between a value's brackets."""
+    inner = value.text.removeprefix("[").removesuffix("]")
+    offset = len(value.text) - len(value.text.removeprefix("["))
+    place = value.place
+    tokens = Tokens(inner.replace(",", " "), Place(place.file, place.line, place.column + offset))
+    numbers = tokens.numbers()
+    if len(numbers) != count:
+        raise value.error(f"expected {count} number{'s' if count > 1 else ''}")
+    return numbers

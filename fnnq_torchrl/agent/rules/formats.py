@@ -1,0 +1,140 @@
+"""The formats that rules are read from and written to, by the endings of files."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fnnq_torchrl.agent.rules import c_source, fis, fll, graphs, json_file, sentences
+from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices
+from fnnq_torchrl.agent.rules.system import FuzzySystem
+from fnnq_torchrl.files.atomic import atomic_write
+
+MOST_BYTES = 2**22
+"""A larger file is refused."""
+
+Candidates = tuple[float, ...]
+
+READERS: dict[str, Callable[[str, str], tuple[FuzzySystem, Candidates]]] = {
+    ".fll": fll.read,
+    ".fis": fis.read,
+    ".json": json_file.read,
+    ".txt": sentences.read,
+}
+"""From a file's text, and its name for messages, to the system and its candidates."""
+
+Files = dict[str, bytes]
+"""What to write: the files' contents by their endings."""
+
+
+@dataclass(frozen=True)
+class Writer:
+    """How a format is written.
+
+    Attributes:
+        write: makes the files of a system, its candidates, the file's name without its ending, and
+            whether it computes in single precision.
+        floats: whether it can choose the precision.
+        full: the same for the best of the candidates; none if the format can't choose among them.
+    """
+
+    write: Callable[[FuzzySystem, Sequence[float], str, bool], Files]
+    floats: bool = False
+    full: Callable[[FuzzySystem, Sequence[float], str, bool], Files] | None = None
+
+
+def _text(
+    ending: str, write: Callable[[FuzzySystem, Sequence[float]], str]
+) -> Callable[[FuzzySystem, Sequence[float], str, bool], Files]:
+    def files(system: FuzzySystem, candidates: Sequence[float], stem: str, floats: bool) -> Files:
+        return {ending: write(system, candidates).encode()}
+
+    return files
+
+
+WRITERS = {
+    ".fll": Writer(_text(".fll", fll.write)),
+    ".fis": Writer(_text(".fis", fis.write)),
+    ".c": Writer(c_source.write, floats=True, full=c_source.write),
+    ".onnx": Writer(graphs.write_onnx, floats=True, full=graphs.write_onnx_of_greedy),
+    ".pt2": Writer(graphs.write_pt2, floats=True, full=graphs.write_pt2_of_greedy),
+    ".json": Writer(_text(".json", json_file.write)),
+    ".txt": Writer(_text(".txt", sentences.write)),
+}
+"""The formats by their endings."""
+
+
+def read_system(path: Path) -> tuple[FuzzySystem, Candidates]:
+    """Read a file, by its ending.
+
+    Raises:
+        OSError: it can't be read.
+        RulesError: the ending is unknown, or the file holds no such rules. One line.
+    """
+    ending = path.suffix.lower()
+    if ending not in READERS:
+        raise RulesError(f"{path}: can't be read by its ending; {choices(ending, READERS)}")
+    return READERS[ending](read_text(path), str(path))
+
+
+def read_text(path: Path) -> str:
+    """Read a file of rules as text.
+
+    Raises:
+        OSError: it can't be read.
+        RulesError: it is too large, or no text.
+    """
+    with open(path, "rb") as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise RulesError(f"{path}: is larger than {MOST_BYTES // 2**20} MiB")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        column = error.start - data.rfind(b"\n", 0, error.start)
+        raise Place(str(path), line, column).error("is no text in UTF-8") from None
+
+
+def export_system(
+    path: Path, system: FuzzySystem, candidates: Sequence[float] = (), *, floats: bool = False
+) -> list[Path]:
+    """Write a system into the files of a format; errors as :func:`export_controller`."""
+    writer = _writer(path, floats)
+    return _write(path, writer.write(system, candidates, path.stem, floats))
+
+
+def export_controller(
+    path: Path, system: FuzzySystem, candidates: Sequence[float], *, floats: bool = False
+) -> list[Path]:
+    """Write the choice of the best candidate into the files of a format.
+
+    Raises:
+        OSError: a file can't be written.
+        RulesError: the format can't express that, or the ending is unknown.
+    """
+    writer = _writer(path, floats)
+    if writer.full is None:
+        able = ", ".join(ending for ending, each in WRITERS.items() if each.full)
+        raise RulesError(
+            f"controller=full: {path.suffix} can't choose among candidates; "
+            f"controller=distilled can be written, or {able}"
+        )
+    return _write(path, writer.full(system, candidates, path.stem, floats))
+
+
+def _writer(path: Path, floats: bool) -> Writer:
+    ending = path.suffix.lower()
+    if ending not in WRITERS:
+        raise RulesError(f"{path}: can't be written by its ending; {choices(ending, WRITERS)}")
+    if floats and not WRITERS[ending].floats:
+        able = ", ".join(each for each, writer in WRITERS.items() if writer.floats)
+        raise RulesError(f"export_float=true: is for {able}; {ending} has its numbers in full")
+    return WRITERS[ending]
+
+
+def _write(path: Path, files: Files) -> list[Path]:
+    written = [path.with_suffix(ending) for ending in files]
+    for target, content in zip(written, files.values(), strict=True):
+        with atomic_write(target) as file:
+            file.write(content)
+    return written

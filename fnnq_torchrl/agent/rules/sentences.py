@@ -1,0 +1,299 @@
+"""Rules as people write them, with the words' meanings above: our own text format.
+
+A line each; what follows a # is a remark. The definitions, which a file may leave out where the
+words are known already::
+
+    input bearing from -1.0 to 1.0
+    label far_right gaussian -0.5 0.4
+    ...
+    action steer from -1.0 to 1.0
+    label hard_left gaussian -1.0 0.4
+    ...
+    candidates -1.0 0.0 1.0
+    t_norm product
+    elsewhere nearest
+
+and the rules, of values and of what to do::
+
+    if bearing is far_left and steer is hard_left then value is 0.5
+    if bearing is far_left then steer hard_left
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from math import inf
+
+from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices
+from fnnq_torchrl.agent.rules.grid import Grid
+from fnnq_torchrl.agent.rules.partition import ELSEWHERE, Label, Variable
+from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_names
+from fnnq_torchrl.agent.rules.tokens import Token, Tokens
+from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS, T_NORMS
+
+_MOST_LABELS = 1_000
+
+
+def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
+    """The text of a system, with its memberships, every number in full.
+
+    Args:
+        system: of Q, whose last input is the action, or of anything else.
+        candidates: of Q, the actions among which the best is sought.
+    """
+    system = fit_names(system)
+    lines = ["# Rules of fnnq_torchrl; docs/rules.md says how they are written."]
+    for i, variable in enumerate(system.inputs):
+        kind = "action" if candidates and i == len(system.inputs) - 1 else "input"
+        lines.append(f"{kind} {variable.name} from {variable.low!r} to {variable.high!r}")
+        for label in variable.labels:
+            numbers = " ".join(map(repr, label.parameters))
+            lines.append(f"label {label.name} {label.kind} {numbers}")
+    if candidates:
+        lines.append(f"candidates {' '.join(map(repr, candidates))}")
+    lines += [f"t_norm {system.t_norm}", f"elsewhere {system.elsewhere}", "", *system.sentences()]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
+    """Read a whole system, with its definitions and a rule for every combination of labels.
+
+    Args:
+        text: the file's.
+        file: its name, for messages.
+
+    Returns:
+        The system and its candidates, if it has any.
+
+    Raises:
+        RulesError: the place, and what is wrong there.
+    """
+    definitions, rules = _read_definitions(text, file)
+    if not definitions.variables:
+        raise Place(file, 1).error("expected input NAME from NUMBER to NUMBER")
+    variables = definitions.finish()
+    end = Place(file, max(1, text.count("\n")))
+    grid, output = Grid(variables), ""
+    for tokens in rules:
+        words = _Words(tokens, variables)
+        name, token = words.output()
+        if output and name != output:
+            raise token.error(f"expected {output}, as in the rules before")
+        output = name
+        grid.put(words.labels(), words.number(), token.place)
+    if not output:
+        raise end.error("expected rules: if ... then ...")
+    numbers = grid.consequents(end)
+    try:
+        system = FuzzySystem(variables, output, numbers, definitions.t_norm, definitions.elsewhere)
+    except RulesError as error:
+        raise Place(file, 1).error(str(error)) from None
+    return system, definitions.candidates
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What somebody knows, in words that are defined elsewhere.
+
+    Attributes:
+        values: the values of rules, by the places of their labels, one of each state input and,
+            last, one of the action.
+        actions: what to do in states, by the places of their labels: the place of the action's.
+    """
+
+    values: dict[tuple[int, ...], float]
+    actions: dict[tuple[int, ...], int]
+
+
+def read_knowledge(text: str, file: str, variables: Sequence[Variable]) -> Knowledge:
+    """Read rules of known words, of values and of what to do, as many as there are.
+
+    Args:
+        text: the file's; if it defines words, it must define the same.
+        file: its name, for messages.
+        variables: the state inputs and, last, the action.
+
+    Raises:
+        RulesError: the place, and what is wrong there: an unknown word, a rule that is there
+            twice or contradicts another, another partition.
+    """
+    definitions, rules = _read_definitions(text, file)
+    if definitions.variables:
+        given, wanted = definitions.finish(), [(each.name, each.labels) for each in variables]
+        for place, variable, (name, labels) in zip(definitions.places, given, wanted, strict=False):
+            if (variable.name, variable.labels) != (name, labels):
+                raise place.error(f"another partition than the network's, whose {name} differs")
+        if len(given) != len(wanted):
+            raise definitions.places[-1].error("another partition, with other variables")
+    *states, action = variables
+    values, actions = Grid(variables), Grid(states)
+    for tokens in rules:
+        words = _Words(tokens, variables)
+        name, token = words.output()
+        if words.about_actions:
+            values.put(words.labels(), words.number(), token.place)
+        elif name == action.name:
+            label = words.tokens.one_of(action.names, f"label of {action.name}")
+            words.tokens.end()
+            actions.put(words.labels(), action.names.index(label.text), token.place)
+        else:
+            raise token.error(f"expected {action.name}, or a label of it in the premise")
+    return Knowledge(values.known, {key: int(label) for key, label in actions.known.items()})
+
+
+class _Words:
+    """A rule's words. The premise is read when it is made.
+
+    Args:
+        tokens: the line, after its if.
+        variables: those it may be about.
+    """
+
+    def __init__(self, tokens: Tokens, variables: Sequence[Variable]) -> None:
+        self.tokens, self._variables = tokens, variables
+        self._premise: dict[str, int] = {}
+        names = [variable.name for variable in variables]
+        self._if = tokens.word("if")
+        while True:
+            token = tokens.one_of(names, "input")
+            if token.text in self._premise:
+                raise token.error("is in the premise already")
+            tokens.word("is")
+            variable = variables[names.index(token.text)]
+            label = tokens.one_of(variable.names, f"label of {variable.name}")
+            self._premise[variable.name] = variable.names.index(label.text)
+            if tokens.word("and", "then").text.lower() == "then":
+                break
+
+    @property
+    def about_actions(self) -> bool:
+        """Whether the premise names a label of the last variable."""
+        return self._variables[-1].name in self._premise
+
+    def output(self) -> tuple[str, Token]:
+        """The output's name, and its token. An "is" after it is passed over."""
+        token = self.tokens.take("an output")
+        if self.tokens.peek().lower() == "is":
+            self.tokens.take("is")
+        return token.text, token
+
+    def labels(self) -> list[int]:
+        """The places of the labels, of every variable but, if it isn't named, the last.
+
+        Raises:
+            RulesError: an input is missing.
+        """
+        due = self._variables if self.about_actions else self._variables[:-1]
+        for variable in due:
+            if variable.name not in self._premise:
+                raise self._if.error(f"{variable.name} is missing in the premise")
+        return [self._premise[variable.name] for variable in due]
+
+    def number(self) -> float:
+        """The output's number, the last of the line."""
+        value = self.tokens.number()
+        self.tokens.end()
+        return value
+
+
+@dataclass
+class _Definitions:
+    """The lines above the rules, as far as they are read."""
+
+    variables: list[tuple[str, float, float]] = field(default_factory=list)
+    labels: list[list[Label]] = field(default_factory=list)
+    places: list[Place] = field(default_factory=list)
+    candidates: tuple[float, ...] = ()
+    t_norm: str = "product"
+    elsewhere: str = "nearest"
+    action: bool = False
+
+    def finish(self) -> tuple[Variable, ...]:
+        """The variables, which are complete now."""
+        found = []
+        for (name, low, high), labels, place in zip(
+            self.variables, self.labels, self.places, strict=True
+        ):
+            try:
+                found.append(Variable(name, tuple(labels), low, high))
+            except RulesError as error:
+                raise place.error(str(error)) from None
+        return tuple(found)
+
+
+def _read_definitions(text: str, file: str) -> tuple[_Definitions, list[Tokens]]:
+    """The definitions, and the lines of the rules, which come after them."""
+    definitions, rules = _Definitions(), []
+    for tokens in _lines(text, file):
+        keyword = tokens.peek().lower()
+        if keyword == "if":
+            rules.append(tokens)
+            continue
+        first = tokens.take("a line")
+        if keyword not in _DEFINE:
+            raise first.error(choices(keyword, ["if", *_DEFINE]))
+        if rules:
+            raise first.error("expected if: the definitions stand above the rules")
+        _DEFINE[keyword](definitions, tokens, first)
+        tokens.end()
+    return definitions, rules
+
+
+def _lines(text: str, file: str) -> Iterator[Tokens]:
+    for i, line in enumerate(text.split("\n"), start=1):
+        if (content := line.partition("#")[0]).strip():
+            yield Tokens(content, Place(file, i))
+
+
+def _variable(definitions: _Definitions, tokens: Tokens, first: Token) -> None:
+    if definitions.action:
+        raise first.error("the action is the last of the inputs")
+    definitions.action = first.text.lower() == "action"
+    name = tokens.take("a name").text
+    low, high = -inf, inf
+    if tokens.peek():
+        tokens.word("from")
+        low = tokens.number(finite=False)
+        tokens.word("to")
+        high = tokens.number(finite=False)
+    definitions.variables.append((name, low, high))
+    definitions.labels.append([])
+    definitions.places.append(first.place)
+
+
+def _label(definitions: _Definitions, tokens: Tokens, first: Token) -> None:
+    if not definitions.variables:
+        raise first.error("expected input: a label belongs to the input above it")
+    name = tokens.take("a name").text
+    kind = tokens.one_of(MEMBERSHIP_FUNCTIONS, "membership function").text
+    numbers = tokens.numbers()
+    if len(definitions.labels[-1]) == _MOST_LABELS:
+        raise first.error(f"at most {_MOST_LABELS:,} labels are read")
+    try:
+        definitions.labels[-1].append(Label(name, kind, tuple(numbers)))
+    except RulesError as error:
+        raise first.place.error(str(error)) from None
+
+
+def _candidates(definitions: _Definitions, tokens: Tokens, first: Token) -> None:
+    numbers = tokens.numbers()
+    if not numbers or sorted(set(numbers)) != numbers:
+        raise first.error("expected rising numbers")
+    definitions.candidates = tuple(numbers)
+
+
+def _t_norm(definitions: _Definitions, tokens: Tokens, first: Token) -> None:
+    definitions.t_norm = tokens.one_of(T_NORMS, "t-norm").text
+
+
+def _elsewhere(definitions: _Definitions, tokens: Tokens, first: Token) -> None:
+    definitions.elsewhere = tokens.one_of(ELSEWHERE, "choice").text
+
+
+_DEFINE = {
+    "input": _variable,
+    "action": _variable,
+    "label": _label,
+    "candidates": _candidates,
+    "t_norm": _t_norm,
+    "elsewhere": _elsewhere,
+}

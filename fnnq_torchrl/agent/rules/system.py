@@ -1,0 +1,243 @@
+"""Zero-order Takagi–Sugeno systems: what every file of rules holds."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import product
+from math import inf, prod
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from fnnq_torchrl.agent.rules.errors import RulesError, choices, shown
+from fnnq_torchrl.agent.rules.partition import ELSEWHERE, Label, Variable, repeated
+from fnnq_torchrl.equations.membership_functions import T_NORMS
+
+MOST_RULES = 2**16
+"""A file with more rules is refused: their number is the product of the numbers of labels."""
+
+
+@dataclass(frozen=True, eq=False)
+class FuzzySystem:
+    """A rule for every label of every input with each of the others', each with a number.
+
+    The output is Σ wᵢσᵢ/Σσ, the weighted average of the consequents by the rules' firing strengths
+    (paper, eq. 7, 8), computed in double precision.
+
+    Attributes:
+        inputs: at least one.
+        output: the output's name.
+        consequents: w, float64 ``[labels of input 1, …, labels of the last]``.
+        t_norm: combines the labels' degrees, of :data:`.T_NORMS`.
+        elsewhere: ``nearest`` or ``zero``, for an input that no label of its variable covers.
+
+    Raises:
+        RulesError: on creation, if names are repeated, or the consequents' shape doesn't fit.
+    """
+
+    inputs: tuple[Variable, ...]
+    output: str
+    consequents: Tensor
+    t_norm: str = "product"
+    elsewhere: str = "nearest"
+
+    def __post_init__(self) -> None:
+        if not self.inputs:
+            raise RulesError("a rule base needs an input")
+        if twice := repeated([*(variable.name for variable in self.inputs), self.output]):
+            raise RulesError(f"two variables have the name {shown(twice)}")
+        for name, known in ((self.t_norm, T_NORMS), (self.elsewhere, ELSEWHERE)):
+            if name not in known:
+                raise RulesError(f"{shown(name)}: {choices(name, known)}")
+        check_size(self.shape)
+        if tuple(self.consequents.shape) != self.shape:
+            raise RulesError(
+                f"the consequents must be {[*self.shape]}, not {[*self.consequents.shape]}"
+            )
+        if not self.consequents.isfinite().all():
+            raise RulesError("a consequent is no finite number")
+        object.__setattr__(self, "consequents", self.consequents.detach().to("cpu", torch.float64))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The numbers of the inputs' labels."""
+        return tuple(len(variable.labels) for variable in self.inputs)
+
+    def firing(self, points: Tensor) -> Tensor:
+        """The rules' normalised firing strengths σᵢ/Σσ, which sum to one, or to zero.
+
+        Args:
+            points: one number for each input, ``[*points, inputs]``.
+
+        Returns:
+            ``[*points, labels of input 1, …, labels of the last]``, float64.
+        """
+        strengths = self.strengths(points.to(torch.float64))
+        total = strengths.sum([*range(points.ndim - 1, strengths.ndim)], keepdim=True)
+        return strengths / total.where(total > 0, 1)
+
+    def evaluate(self, points: Tensor) -> Tensor:
+        """The output.
+
+        Args:
+            points: one number for each input, ``[*points, inputs]``.
+
+        Returns:
+            ``[*points]``, float64; 0 where no rule fires.
+        """
+        return (self.firing(points) * self.consequents).flatten(points.ndim - 1).sum(-1)
+
+    def strengths(self, points: Tensor) -> Tensor:
+        """Firing strengths up to a factor of each point, by which the highest is near 1.
+
+        In the points' own precision; arguments and result as of :meth:`firing`.
+        """
+        logs = [
+            variable.log_degrees(points[..., i], self.elsewhere).movedim(0, -1)
+            for i, variable in enumerate(self.inputs)
+        ]
+        peaks = [log.amax(-1, keepdim=True) for log in logs]
+        if self.t_norm == "minimum":  # the strongest rule has the lowest of the peaks
+            peaks = [reduce(torch.minimum, peaks)] * len(peaks)
+        degrees = [
+            (log - peak.where(peak > -inf, 0)).exp() for log, peak in zip(logs, peaks, strict=True)
+        ]
+        combine, axes = T_NORMS[self.t_norm].combine, len(degrees)
+        spread_out = [
+            degree.reshape(
+                *degree.shape[:-1], *(degree.shape[-1] if j == i else 1 for j in range(axes))
+            )
+            for i, degree in enumerate(degrees)
+        ]
+        return reduce(combine, spread_out).expand(*points.shape[:-1], *self.shape)
+
+    def rules(self) -> Iterator[tuple[tuple[Label, ...], float]]:
+        """Each rule's labels, one of each input, and its consequent; the last input's change first.
+
+        That is the order of the consequents in memory.
+        """
+        every = product(*(variable.labels for variable in self.inputs))
+        return zip(every, self.consequents.flatten().tolist(), strict=True)
+
+    def table(self) -> list[dict[str, Any]]:
+        """The rules, one after the other: a label's name of each input, and the output's number."""
+        names = [variable.name for variable in self.inputs]
+        return [
+            dict(zip(names, (label.name for label in labels), strict=True)) | {self.output: value}
+            for labels, value in self.rules()
+        ]
+
+    def sentences(self) -> list[str]:
+        """The rules as sentences, their consequents in full."""
+        return [
+            f"if {self.premise(labels)} then {self.output} is {value!r}"
+            for labels, value in self.rules()
+        ]
+
+    def premise(self, labels: Sequence[Label]) -> str:
+        """«bearing is left and steer is hard_left», of a label of each input or the first ones."""
+        pairs = zip(self.inputs, labels, strict=False)
+        return " and ".join(f"{variable.name} is {label.name}" for variable, label in pairs)
+
+    def same_partition(self, inputs: Sequence[Variable]) -> bool:
+        """Whether the inputs are the same, label by label; ranges don't matter."""
+        return [(each.name, each.labels) for each in self.inputs] == [
+            (each.name, each.labels) for each in inputs
+        ]
+
+    def __str__(self) -> str:
+        return "\n".join(
+            f"if {self.premise(labels)} then {self.output} is {value:.3g}"
+            for labels, value in self.rules()
+        )
+
+    def _repr_markdown_(self) -> str:
+        """The rules as a notebook shows them."""
+        rows = (
+            [*(label.name for label in labels), f"{value:.3g}"] for labels, value in self.rules()
+        )
+        head = [*(variable.name for variable in self.inputs), self.output]
+        return "".join(f"| {' | '.join(row)} |\n" for row in (head, ["---"] * len(head), *rows))
+
+
+def check_size(shape: Sequence[int]) -> None:
+    """Refuse more rules than anybody reads.
+
+    Raises:
+        RulesError: there would be more than :data:`MOST_RULES`.
+    """
+    if prod(shape) > MOST_RULES:
+        counts = " × ".join(map(str, shape))
+        raise RulesError(f"{shown(counts)} rules: at most {MOST_RULES:,} are read")
+
+
+def fit_names(system: FuzzySystem) -> FuzzySystem:
+    """The same with names that every format takes: ASCII words, without regard to case different.
+
+    Names that are such words already stay as they are.
+    """
+    *names, output = fit_words([*(variable.name for variable in system.inputs), system.output])
+    inputs = [
+        Variable(
+            name,
+            tuple(
+                Label(word, label.kind, label.parameters)
+                for word, label in zip(fit_words(variable.names), variable.labels, strict=True)
+            ),
+            variable.low,
+            variable.high,
+        )
+        for name, variable in zip(names, system.inputs, strict=True)
+    ]
+    return FuzzySystem(tuple(inputs), output, system.consequents, system.t_norm, system.elsewhere)
+
+
+_KEYWORDS = {
+    *("if", "then", "is", "and", "or", "not", "with"),
+    *("any", "extremely", "seldom", "somewhat", "very"),  # FuzzyLite's hedges
+    # FuzzyLite's functions, which its C++ library takes a term of that name for
+    *("abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "ceil", "cos", "cosh"),
+    *("eq", "exp", "fabs", "floor", "fmod", "ge", "gt", "le", "log", "log10", "log1p", "lt"),
+    *("max", "min", "neq", "pi", "pow", "round", "sin", "sinh", "sqrt", "tan", "tanh"),
+    *("input", "action", "label", "output", "candidates", "t_norm", "elsewhere"),
+}
+
+
+def fit_words(names: Sequence[str]) -> list[str]:
+    """Names as words of letters, digits and _, all different even without regard to case."""
+    taken: set[str] = set()
+    fitted = []
+    for name in names:
+        word = re.sub(r"[^A-Za-z0-9]+", "_", name)[:64].strip("_") if not _is_word(name) else name
+        if not word or word[0].isdigit() or word.lower() in _KEYWORDS:
+            word = f"_{word}"
+        free, number = word, 2
+        while free.lower() in taken:
+            free, number = f"{word}_{number}", number + 1
+        taken.add(free.lower())
+        fitted.append(free)
+    return fitted
+
+
+def _is_word(name: str) -> bool:
+    return re.fullmatch("[A-Za-z_][A-Za-z0-9_]{0,63}", name) is not None
+
+
+def observed(variables: Sequence[Variable], observation: Mapping[str, float]) -> Tensor:
+    """The numbers of an observation, by the names of its variables, as a point.
+
+    Returns:
+        ``[variables]``, float64.
+
+    Raises:
+        RulesError: one is missing, or unknown.
+    """
+    names = [variable.name for variable in variables]
+    for name in observation:
+        if name not in names:
+            raise RulesError(f"{shown(name)}: {choices(name, names)}")
+    if missing := [name for name in names if name not in observation]:
+        raise RulesError(f"{missing[0]} is missing; the rules are about {' and '.join(names)}")
+    return torch.tensor([observation[name] for name in names], dtype=torch.float64)

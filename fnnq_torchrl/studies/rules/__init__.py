@@ -1,0 +1,1 @@
+"""The rules of finished jobs: to read, to explain, to draw, to take away."""

@@ -1,0 +1,115 @@
+"""Prints the rules that a job has learned, explains them, and takes them away.
+
+    python -m fnnq_torchrl.rules run=DIR                       # the rules and the controller
+    python -m fnnq_torchrl.rules run=DIR explain.bearing=0.3   # why this action
+    python -m fnnq_torchrl.rules run=DIR export=ctl.fll        # or .fis .c .onnx .pt2 .json .txt
+
+seed=best (or mean, or a run's seed), format=text (or markdown, csv, json),
+controller=full or distilled and export_float=true go with export=, picture=FILE with explain.…,
+record=FILE.csv writes what the run saw and did in its test, own=true imports classes of your own,
+page=FILE.md writes the distilled controllers' faithfulness into a page.
+"""
+
+import sys
+from pathlib import Path
+
+from fnnq_torchrl.agent.rules import RulesError
+from fnnq_torchrl.agent.rules.errors import choices, shown
+from fnnq_torchrl.launch.arguments import read_words
+from fnnq_torchrl.studies.rules.job import BEST, Chosen, Job, choose, read_job
+from fnnq_torchrl.studies.rules.page import write_faithfulness
+from fnnq_torchrl.studies.rules.pictures import draw_explanation
+from fnnq_torchrl.studies.rules.reading import read_run
+from fnnq_torchrl.studies.rules.recording import record
+from fnnq_torchrl.studies.rules.telling import FORMATS
+from fnnq_torchrl.training.terminal import announce, say
+
+_EXPLAIN = "explain."
+_KEYS = (
+    "run",
+    "seed",
+    "format",
+    "export",
+    "controller",
+    "export_float",
+    "record",
+    "picture",
+    "page",
+    "own",
+    _EXPLAIN,
+)
+
+
+def main() -> None:
+    """Read ``sys.argv``; what goes wrong is one line on stderr and a status that isn't 0."""
+    words = read_words("python -m fnnq_torchrl.rules", __doc__, _KEYS)
+    try:
+        _run(words)
+    except (OSError, ValueError) as error:
+        sys.exit(" ".join(str(error).split()))
+
+
+def _run(words: dict[str, str]) -> None:
+    job, chosen = chosen_run(words)
+    form = words.get("format", "text")
+    if form not in FORMATS:
+        raise RulesError(f"format={shown(form)}: {choices(form, FORMATS)}")
+    observation = {
+        key.removeprefix(_EXPLAIN): _number(key, value)
+        for key, value in words.items()
+        if key.startswith(_EXPLAIN)
+    }
+    for key, others in (("controller", "export"), ("export_float", "export")):
+        if key in words and others not in words:
+            raise RulesError(f"{key}={words[key]}: goes with {others}=FILE")
+    if "picture" in words and not observation:
+        raise RulesError(f"picture={words['picture']}: goes with explain.…=NUMBER")
+    if observation:
+        explanation = chosen.rules.explain(observation)
+        picture = Path(words.get("picture", job.directory / "explanation.png"))
+        draw_explanation(explanation, picture)
+        say(str(explanation))
+        announce(f"picture: {picture}")
+    if "export" in words:
+        floats = truth("export_float", words.get("export_float", "false"))
+        controller = words.get("controller")
+        for path in chosen.rules.export(words["export"], controller=controller, floats=floats):
+            announce(f"written: {path}")
+    if "record" in words:
+        rows = record(read_run(job, chosen), Path(words["record"]))
+        announce(f"written: {words['record']}, {rows:,} steps")
+    if "page" in words:
+        write_faithfulness(job, Path(words["page"]))
+        announce(f"written: {words['page']}")
+    if not observation and not {"export", "record", "page"} & {*words}:
+        say(FORMATS[form](read_run(job, chosen)))
+
+
+def chosen_run(words: dict[str, str]) -> tuple[Job, Chosen]:
+    """The job and the run that the words ``run=DIR``, ``seed=…`` and ``own=…`` choose.
+
+    Raises:
+        OSError, ValueError: as in :func:`.read_job` and :func:`.choose`, or there is no ``run=``.
+    """
+    if "run" not in words:
+        raise RulesError("run=DIR is missing, the directory of a finished job")
+    own = truth("own", words.get("own", "false"))
+    job = read_job(Path(words["run"]), own=own)
+    return job, choose(job, words.get("seed", BEST))
+
+
+def truth(key: str, value: str) -> bool:
+    """``true`` or ``false`` as a value of a key."""
+    if value not in ("true", "false"):
+        raise RulesError(f"{key}={shown(value)}: must be true or false")
+    return value == "true"
+
+
+def _number(key: str, value: str) -> float:
+    try:
+        number = float(value)
+    except ValueError:
+        number = float("nan")
+    if number - number != 0:  # no number, or infinite
+        raise RulesError(f"{key}={shown(value)}: must be a finite number")
+    return number

@@ -1,0 +1,236 @@
+"""Pictures of rules: memberships, control surface, consequents, an episode, an explanation."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from fnnq_torchrl.agent.rules import Explanation, Variable
+from fnnq_torchrl.studies.rules.job import Chosen
+from fnnq_torchrl.studies.rules.reading import HARDLY, Reading
+from fnnq_torchrl.training.pictures.style import GREY, LINES, new_figure, quiet_grid, save
+from fnnq_torchrl.training.weights import Snapshots
+
+_POINTS = 401
+_MOST_LINES = 8
+
+
+def draw_explanation(explanation: Explanation, picture: Path) -> None:
+    """Draw Q of the candidates, and what each rule adds to Q of the best one.
+
+    Raises:
+        OSError: the file can't be written.
+        ValueError: its format is unknown.
+    """
+    seen = ", ".join(f"{name} = {value:g}" for name, value in explanation.observation.items())
+    title = f"{seen}: {explanation.action_name} {_plain(explanation.action):+g}"
+    figure = new_figure(10, 4.2, title, "Q is the sum of the bars; rules that fired less: no bar")
+    curve, bars = figure.subplots(1, 2, width_ratios=(1, 1.3))
+    curve.plot(explanation.candidates.numpy(), explanation.values.numpy(), color=LINES[0][0])
+    curve.axvline(explanation.action, color=GREY, linestyle=":")
+    curve.set_xlabel(explanation.action_name)
+    curve.set_ylabel("Q")
+    fired = explanation.fired()[::-1]
+    names = [
+        f"{premise}\nfires {strength:.0%}, says {value:.2f}"
+        for premise, strength, value, _ in fired
+    ]
+    bars.barh(range(len(fired)), [added for *_, added in fired], color=LINES[0][0])
+    bars.set_yticks(range(len(fired)), labels=names, fontsize=7)
+    bars.axvline(0, color=GREY, linewidth=0.8)
+    bars.set_xlabel("adds to Q")
+    for axes in (curve, bars):
+        quiet_grid(axes)
+    save(figure, picture)
+
+
+def memberships(reading: Reading) -> Figure:
+    """The labels of every variable, their coverage, and which of them never fire."""
+    rules = reading.chosen.rules
+    variables = rules.inputs
+    never = ", ".join(_never_fired(reading)) or "none"
+    caption = (
+        f"grey: the highest degree; gaps: {_gap_words(variables)}; "
+        f"labels that fired less than {HARDLY:g} in the test: {never}"
+    )
+    title = f"Memberships, {reading.chosen.words}"
+    figure = new_figure(9, 1.2 + 2.4 * len(variables), title, caption)
+    for axes, variable in zip(
+        figure.subplots(len(variables), squeeze=False)[:, 0], variables, strict=True
+    ):
+        x = torch.linspace(*variable.span(), _POINTS, dtype=torch.float64)
+        degrees = variable.log_degrees(x).exp().numpy()
+        axes.fill_between(x.numpy(), 0, degrees.max(axis=0), color="0.93", linewidth=0)
+        for label, degree, (colour, style) in zip(variable.labels, degrees, LINES, strict=False):
+            axes.plot(x.numpy(), degree, color=colour, linestyle=style, label=label.name)
+        for low, high in variable.gaps():
+            axes.axvspan(low, high, color="0.85")
+        axes.set_xlabel(variable.name)
+        axes.set_ylabel("degree")
+        axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5))
+        quiet_grid(axes)
+    return figure
+
+
+def surface(reading: Reading) -> Figure:
+    """Q over the first state input and the action, with the greedy line."""
+    rules = reading.chosen.rules
+    state, *others = rules.states
+    x = torch.linspace(*state.span(), _POINTS, dtype=torch.float64)
+    y = torch.linspace(*rules.action.span(), _POINTS, dtype=torch.float64)
+    middles = [sum(other.span()) / 2 for other in others]
+    states = torch.cat([x.unsqueeze(-1), x.new_tensor(middles).expand(len(x), -1)], dim=-1)
+    points = torch.cat(
+        [
+            states.unsqueeze(0).expand(len(y), -1, -1),
+            y.view(-1, 1, 1).expand(-1, len(x), 1),
+        ],
+        dim=-1,
+    )
+    fixed = ", ".join(
+        f"{other.name} = {middle:g}" for other, middle in zip(others, middles, strict=True)
+    )
+    figure = new_figure(
+        8,
+        5,
+        f"Q, {reading.chosen.words}",
+        f"white: the best of {len(rules.candidates)} actions; dashed: the distilled controller"
+        + (f"; where {fixed}" if fixed else ""),
+    )
+    axes = figure.add_subplot()
+    mesh = axes.pcolormesh(
+        x.numpy(),
+        y.numpy(),
+        rules.evaluate(points).numpy(),
+        cmap="viridis",
+        shading="nearest",
+        rasterized=True,
+    )
+    figure.colorbar(mesh, ax=axes, label="Q")
+    axes.plot(x.numpy(), rules.greedy(states).numpy(), color="white")
+    smooth = reading.controller.distilled.evaluate(states).numpy()
+    axes.plot(x.numpy(), smooth, color="white", linestyle="--", linewidth=1)
+    axes.set_xlabel(state.name)
+    axes.set_ylabel(rules.action.name)
+    return figure
+
+
+def consequents(chosen: Chosen, snapshots: Snapshots) -> Figure:
+    """The consequents over the course of learning: of the run, or the mean over all of them."""
+    weights = snapshots.weights["weight"].double()
+    if chosen.spread is None:
+        history = weights[:, snapshots.seed.tolist().index(chosen.seed)]
+    else:
+        history = weights.mean(1)
+    rules = chosen.rules
+    columns = len(rules.action.labels)
+    caption = "a panel for each label of the action, a line for each of the state"
+    figure = new_figure(3 * columns, 3.6, f"Consequents while learning, {chosen.words}", caption)
+    panels = figure.subplots(1, columns, sharey=True, squeeze=False)[0]
+    of_states = history.reshape(len(history), -1, columns).numpy()
+    situations = snapshots.situations.numpy()
+    names = [rules.premise(labels[:-1]) for labels, _ in rules.rules()][::columns]
+    for column, axes in enumerate(panels):
+        for place, (colour, style) in zip(range(of_states.shape[1]), LINES, strict=False):
+            axes.plot(situations, of_states[:, place, column], color=colour, linestyle=style)
+        axes.set_title(f"{rules.action.name} is {rules.action.labels[column].name}", fontsize=9)
+        axes.set_xlabel("learning situations")
+        quiet_grid(axes)
+    panels[0].set_ylabel("consequent")
+    shown = names[: len(panels[0].lines)]
+    panels[-1].legend(
+        panels[-1].lines, shown, fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5)
+    )
+    return figure
+
+
+def episode(reading: Reading, situation: int) -> Figure:
+    """The robot's path in a situation of the test, the rules that fired, and the TD error."""
+    rules, played = reading.chosen.rules, reading.played
+    before, after = played.before[:, 0, situation], played.after[:, 0, situation]
+    counts = played.counts[:, 0, situation]
+    before, after = before[counts], after[counts]
+    points = torch.cat([before[name] for name in (*played.names, "action")], dim=-1).double()
+    firing = rules.firing(points).flatten(1)
+    error = _td_error(reading, points, after)
+    success = bool(after["success"][-1])
+    figure = new_figure(
+        11,
+        5.5,
+        f"Situation {situation + 1} of the test, {reading.chosen.words}: "
+        f"{'a success' if success else 'no success'} after {len(points)} steps",
+        f"the {_MOST_LINES} rules that fired most; the TD error is r + γ max Q(s′, ·) − Q(s, a)",
+    )
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.6))[0]
+    _path(left.add_subplot(), before, after, reading)
+    strengths, errors = right.subplots(2, sharex=True, height_ratios=(2, 1))
+    names = [rules.premise(labels) for labels, _ in rules.rules()]
+    order = firing.sum(0).argsort(descending=True)[:_MOST_LINES].tolist()
+    for place, (colour, style) in zip(order, LINES, strict=False):
+        strengths.plot(firing[:, place].numpy(), color=colour, linestyle=style, label=names[place])
+    strengths.set_ylabel("firing strength")
+    strengths.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, 1.35), ncols=2)
+    errors.plot(error.numpy(), color="black", linewidth=1)
+    errors.set_ylabel("TD error")
+    errors.set_xlabel("step")
+    for axes in (strengths, errors):
+        quiet_grid(axes)
+    return figure
+
+
+def _td_error(reading: Reading, points: Tensor, after: TensorDictBase) -> Tensor:
+    """δ′ = r + γ max Q(s′, ·) − Q(s, a) of each step (paper, eq. 5)."""
+    rules, gamma = reading.chosen.rules, reading.job.config.gamma
+    states = torch.cat([after[name] for name in reading.played.names], dim=-1)
+    ahead = rules.action_values(states).amax(-1).masked_fill(after["terminated"].squeeze(-1), 0)
+    return after["reward"].squeeze(-1).double() + gamma * ahead - rules.evaluate(points)
+
+
+def _path(axes: Axes, before: TensorDictBase, after: TensorDictBase, reading: Reading) -> None:
+    """The robot's way and the ball's, where the world has them; else the observations."""
+    if not {"x_m", "y_m", "ball_angle_rad"} <= {*after.keys()}:
+        for name, (colour, style) in zip(reading.played.names, LINES, strict=False):
+            axes.plot(before[name].squeeze(-1).numpy(), color=colour, linestyle=style, label=name)
+        axes.legend(fontsize=7)
+        axes.set_xlabel("step")
+        return quiet_grid(axes)
+    radius_m, angle = reading.job.config.env.circle_radius_m, after["ball_angle_rad"].squeeze(-1)
+    ball = radius_m * torch.stack([angle.cos(), angle.sin()]).numpy()
+    robot = torch.cat([after["x_m"], after["y_m"]], dim=-1).T.numpy()
+    axes.plot(*robot, color=LINES[0][0], label="robot")
+    axes.plot(*ball, color=LINES[1][0], label="ball")
+    axes.plot([0], [0], "o", color=LINES[0][0])
+    axes.plot(*ball[:, -1:], "o", color=LINES[1][0])
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    axes.legend(fontsize=7)
+    return quiet_grid(axes)
+
+
+def _never_fired(reading: Reading) -> Iterator[str]:
+    """The labels whose rules together fired less than a hardly trained rule."""
+    for i, variable in enumerate(reading.chosen.rules.inputs):
+        others = [axis for axis in range(reading.fired.ndim) if axis != i]
+        for label, fired in zip(variable.labels, reading.fired.sum(others).tolist(), strict=True):
+            if fired < HARDLY:
+                yield f"{variable.name} {label.name}"
+
+
+def _gap_words(variables: tuple[Variable, ...]) -> str:
+    gaps = [
+        f"{variable.name} {low:.3g} to {high:.3g}"
+        for variable in variables
+        for low, high in variable.gaps()
+    ]
+    return ", ".join(gaps) or "none"
+
+
+def _plain(action: float) -> float:
+    """What rounding has left of 0 is 0."""
+    return 0.0 if abs(action) < 1e-9 else float(np.float32(action))

@@ -1,0 +1,67 @@
+"""Draws a job's rules, each picture into a file of its own.
+
+    python -m fnnq_torchrl.plot run=DIR
+
+memberships: the labels with their coverage. surface: Q over state and action with the greedy line.
+consequents: over the course of learning, where the job has kept snapshots.pt
+(checkpoint.snapshots=true). episode: firing strengths and TD error beside the robot's path.
+
+seed=best (or mean, or a run's seed), situation=1 (of the test, for the episode), to=DIR (by default
+the job's own), format=png (or svg, pdf), own=true imports classes of your own.
+"""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from fnnq_torchrl.agent.rules import RulesError
+from fnnq_torchrl.agent.rules.errors import shown
+from fnnq_torchrl.launch.arguments import read_words
+from fnnq_torchrl.studies.rules import pictures
+from fnnq_torchrl.studies.rules.command import chosen_run
+from fnnq_torchrl.studies.rules.job import Chosen, Job
+from fnnq_torchrl.studies.rules.reading import read_run
+from fnnq_torchrl.training.pictures.style import save
+from fnnq_torchrl.training.terminal import announce
+from fnnq_torchrl.training.weights import load_snapshots
+
+_FORMATS = ("png", "svg", "pdf")
+
+
+def main() -> None:
+    """Read ``sys.argv``; what goes wrong is one line on stderr and a status that isn't 0."""
+    keys = ("run", "seed", "situation", "to", "format", "own")
+    words = read_words("python -m fnnq_torchrl.plot", __doc__, keys)
+    try:
+        _run(words)
+    except (OSError, ValueError) as error:
+        sys.exit(" ".join(str(error).split()))
+
+
+def _run(words: dict[str, str]) -> None:
+    job, chosen = chosen_run(words)
+    tests, given = job.config.evaluation.tests, words.get("situation", "1")
+    if not given.isdecimal() or not 1 <= int(given) <= tests:
+        raise RulesError(f"situation={shown(given)}: must be a whole number from 1 to {tests}")
+    form = words.get("format", _FORMATS[0])
+    if form not in _FORMATS:
+        raise RulesError(f"format={shown(form)}: must be {' or '.join(_FORMATS)}")
+    to = Path(words.get("to", job.directory))
+    to.mkdir(parents=True, exist_ok=True)
+    for name, figure in _figures(job, chosen, int(given) - 1):
+        save(figure, to / f"{name}.{form}")
+        announce(str(to / f"{name}.{form}"))
+
+
+def _figures(job: Job, chosen: Chosen, situation: int) -> Iterator[tuple[str, Figure]]:
+    reading = read_run(job, chosen)
+    yield "memberships", pictures.memberships(reading)
+    yield "surface", pictures.surface(reading)
+    snapshots = job.directory / "snapshots.pt"
+    if snapshots.is_file():
+        yield "consequents", pictures.consequents(chosen, load_snapshots(snapshots))
+    else:
+        announce(f"no picture of the consequents: {snapshots} isn't there")
+    yield "episode", pictures.episode(reading, situation)
