@@ -7,7 +7,7 @@ from envs.core.parameters import Parameters, matching, number, one_of, texts
 
 @dataclass
 class WandbConfig(Parameters):
-    """Weights & Biases (`fnnq_torchrl.training.loggers.wandb`)."""
+    """The settings of Weights & Biases (`fnnq_torchrl.training.loggers.wandb`)."""
 
     per: str = one_of("job", "run", "sweep")
     mode: str = one_of("auto", "online", "offline")
@@ -21,14 +21,14 @@ class WandbConfig(Parameters):
 
 @dataclass
 class TensorboardConfig(Parameters):
-    """TensorBoard (`fnnq_torchrl.training.loggers.tensorboard`)."""
+    """The settings of TensorBoard (`fnnq_torchrl.training.loggers.tensorboard`)."""
 
     directory: str = matching(r"(?!\.)[\w.-]+", "a name of letters, digits, _, - and dots")
 
 
 @dataclass
 class MlflowConfig(Parameters):
-    """MLflow (`fnnq_torchrl.training.loggers.mlflow`)."""
+    """The settings of MLflow (`fnnq_torchrl.training.loggers.mlflow`)."""
 
     tracking_uri: str = matching(r"([\w+]+:\S+)?", "a URI, as https://host or sqlite:///path")
     experiment: str = matching(r".{1,250}", "1 to 250 characters")
@@ -37,7 +37,7 @@ class MlflowConfig(Parameters):
 
 @dataclass
 class LoggerConfig(Parameters):
-    """The chosen loggers; None for one that isn't chosen."""
+    """The settings of the chosen loggers; None for a logger that isn't chosen."""
 
     wandb: WandbConfig | None = None
     tensorboard: TensorboardConfig | None = None

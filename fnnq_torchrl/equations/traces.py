@@ -79,9 +79,9 @@ class Trace(ABC):
 
 
 class GradientTrace(Trace):
-    """The usual semi-gradient trace, whose step h is e ← e + f. One step, with ``scale`` = 1:
+    """The usual semi-gradient trace, whose step h is e ← e + f.
 
-    e ← γλe;   Δw = δe + δ′f;   e ← e + scale·f;   e ← 0 at the end of an episode
+    e ← γλe;   Δw = δe + δ′f;   e ← e + scale·f (scale = 1);   e ← 0 at the end of an episode
     """
 
     def update(

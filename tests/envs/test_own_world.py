@@ -180,7 +180,7 @@ def test_its_mistakes_are_told_in_one_line(
         (
             ("evaluation=paper",),
             "evaluation.situations=[[0.8, 0.1], [-0.8, -0.1], [0.4, -0.15], [-0.4, 0.15], "
-            "[0.0, 0.12]]: must be a whole number of random starts: point:Point has no fixed ones",
+            "[0.0, 0.12]]: must be the number of random starts: point:Point has no fixed starts",
         ),
         (
             ("exploration=noise",),
