@@ -1,4 +1,4 @@
-"""The end of a situation: a catch, or a miss at the time limit."""
+"""The end of a situation (episode): a catch, or a miss at the time limit."""
 
 import torch
 from torch import Tensor

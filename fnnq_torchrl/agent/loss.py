@@ -1,4 +1,4 @@
-"""The loss of Q(λ) as a TorchRL LossModule."""
+"""The two errors of Q(λ) and the one-step loss, as a TorchRL LossModule."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -44,7 +44,7 @@ class Update:
         """Return the trace before the first step.
 
         Args:
-            weights: each ``[runs, *weights]``.
+            weights: the weights by name, each ``[runs, *weights]``.
         """
         return {
             name: runs_first(self.rule.trace.start(runs_last(w))) for name, w in weights.items()

@@ -79,7 +79,7 @@ class EvaluationConfig(Parameters):
 
     @property
     def fixed(self) -> list[list[float]] | None:
-        """The fixed starts; None if they are random."""
+        """The fixed starts, or None if all starts are random."""
         return self.situations if isinstance(self.situations, list) else None
 
     @property

@@ -46,14 +46,14 @@ class ValueConfig(Parameters):
     kind: str = matching(*KIND)
 
     of_each_input: ClassVar[str] = "an entry"
-    """The noun for an entry of ``inputs``, with its article, for messages."""
+    """The noun with which messages name an entry of ``inputs``."""
 
     def in_world(self, world: WorldConfig) -> Self:
         """Return a copy with the world's values for the keys that are null."""
         return self
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
-        """Yield an error for each input that the world doesn't have, and if there are none."""
+        """Yield an error if there are no inputs, and for each input that the world doesn't have."""
         inputs, names = getattr(self, "inputs", None), ", ".join(world.observations)
         if inputs is not None and not inputs:
             yield OutOfRange("inputs", inputs, f"{self.of_each_input} for at least one of: {names}")
@@ -104,7 +104,7 @@ class TilesConfig(ValueConfig):
 
 @dataclass
 class MLPConfig(ValueConfig):
-    """A multilayer perceptron of the inputs and the action."""
+    """The multilayer perceptron from the inputs and the action to Q."""
 
     inputs: Any = or_null(texts(most=64))
     widths: list[int] = wholes(1)
@@ -115,7 +115,7 @@ class MLPConfig(ValueConfig):
     of_each_input: ClassVar = "the names"
 
     def in_world(self, world: WorldConfig) -> Self:
-        """Return a copy with all of the world's observations as inputs if they are null."""
+        """Return a copy whose inputs, if null, are all observations of the world."""
         return self if self.inputs is not None else replace(self, inputs=[*world.observations])
 
 

@@ -11,7 +11,7 @@ TRACES = ("output", "gradient", "replacing", "window")
 """The kinds of trace; the first two are two readings of step h in the paper's Table 1."""
 
 STEP_SIZES = ("decay", "constant", "obgd", "alpha_bound")
-"""The rules for the size of a step."""
+"""The rules for the step size."""
 
 EXPLORATIONS = {"epsilon_greedy": "epsilon", "boltzmann": "temperature", "noise": "noise_std"}
 """The names of the ways to explore, each with the configuration key of its amount."""

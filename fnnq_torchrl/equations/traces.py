@@ -39,7 +39,7 @@ class Credit(NamedTuple):
 
 
 Credited = list[tuple[Tensor, Tensor]]
-"""For each tensor of weights, the direction Δw and the new trace."""
+"""The direction Δw and the new trace, for each tensor of weights."""
 
 
 class Trace(ABC):
@@ -206,6 +206,6 @@ def squared_norm(gradients: Iterable[Tensor]) -> Tensor:
 
 
 def _faded(credit: Credit) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return the two errors, the decay (0 where the trace is cut) and ``goes_on``."""
+    """Return the two errors, γλ (0 where the trace is cut) and ``goes_on``."""
     decay = credit.decay if credit.keeps is None else credit.decay * credit.keeps
     return credit.past_error, credit.present_error, decay, credit.goes_on

@@ -18,7 +18,7 @@ Labels = Sequence[tuple[float, float]]
 class LabelsValue(ValueNetwork):
     """Q(s, a) = Σ w·Πⱼ φⱼ(sⱼ)·φ(a), over every combination of the inputs' and the action's labels.
 
-    A subclass defines φ, the share of a number in each label of an input or of the action.
+    A subclass defines φ, the degree to which a number belongs to each label.
 
     Every run has its own weights, all zero at the start: ``weight`` is ``[runs, labels of input 1,
     …, action labels]``. In memory the runs are the last dimension, for the equations.
@@ -69,7 +69,7 @@ class LabelsValue(ValueNetwork):
 
     @abstractmethod
     def shares(self, x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-        """Return the share of x in each label; arguments and result as `log_membership`'s."""
+        """Return φ(x) for every label of one input; arguments and result as `log_membership`'s."""
 
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
         shares = [self._shares(i, runs_last(x.squeeze(-1))) for i, x in enumerate(observations)]
