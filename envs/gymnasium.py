@@ -1,4 +1,4 @@
-"""Our worlds behind Gymnasium's interface, for learners that ask for it."""
+"""An adapter from the worlds of ``envs`` to Gymnasium's interface."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ from envs.core.world import WorldConfig
 from envs.worlds import make_world
 
 _SEEDS, _EPISODES = 2**63, 2**33
-"""The number of seeds, and of the episodes of a run (:func:`envs.core.streams.draw`)."""
+"""The upper bounds, exclusive, of seeds and of episodes (:func:`envs.core.streams.draw`)."""
 
 
 class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
-    """A single run of one of our worlds.
+    """A Gymnasium environment: a single run of one of the worlds of ``envs``.
 
     * Observations: the world's, in the order of its configuration (float32).
-    * Actions: the number of one of its fixed set, or of a candidate in its range.
+    * Actions: the index of an action in the world's fixed set, or of a candidate in its range.
     * ``info["is_success"]``: whether the episode has ended with a success.
 
-    A run's random numbers come from its seed (:mod:`envs.core.streams`), not from ``np_random``: a
-    seed and an episode's number give the same situation here as in any batch.
+    A run's random numbers come from its seed (:mod:`envs.core.streams`), not from ``np_random``.
+    The same seed and episode number give the same episode here as in any batch.
 
     Attributes:
-        world: the TorchRL environment that is stepped.
+        world: the underlying TorchRL environment.
 
     Args:
         config: the world's parameters (``conf/env/follow_ball.yaml`` has the paper's).
-        candidates: the number of evenly spaced actions of a range, at least 2
-            (``conf/action/even.yaml``); not used for a world with a fixed set.
+        candidates: the number of evenly spaced actions in the world's range, at least 2
+            (``conf/action/even.yaml``); ignored if the world has a fixed set of actions.
 
     Raises:
-        OutOfRange: there are fewer candidates.
+        OutOfRange: if the world has a range of actions and ``candidates`` isn't allowed.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # as Gymnasium declares it
@@ -56,7 +56,7 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         low, high = np.array([*config.observations.values()], dtype=np.float32).T
         self.observation_space = Box(low, high, dtype=np.float32)
         self.action_space = Discrete(self._candidates.numel())
-        self.world = make_world(config, seed=0)  # every start names its own seed
+        self.world = make_world(config, seed=0)  # `start` is given the seed every time
         self._seed: int | None = None
         self._episode = -1
         self._state: TensorDictBase | None = None
@@ -64,19 +64,19 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin the next situation, or the given one.
+        """Start the next episode, or a given one.
 
         Args:
-            seed: of the run, in [0, 2⁶³), which begins again with its episode 0. A world that was
-                never given one draws its own from ``np_random``, as Gymnasium's worlds do.
-            options: ``episode``, the number of the situation within the run, in [0, 2³³);
+            seed: the run's seed, in [0, 2⁶³); with it, the run starts over at episode 0. If no
+                seed was ever given, one is drawn from ``np_random``, as usual in Gymnasium.
+            options: ``episode``, the number of the episode within the run, in [0, 2³³);
                 ``start``, the numbers of a fixed start, instead of a random one.
 
         Returns:
             The observation and ``info``.
 
         Raises:
-            OutOfRange: a seed or an option isn't allowed, or there is no such option.
+            OutOfRange: if the seed or an option's value isn't allowed, or an option is unknown.
         """
         options = dict(options or {})
         episode, start = options.pop("episode", None), options.pop("start", None)
@@ -108,14 +108,14 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
             The observation, the reward, ``terminated``, ``truncated`` and ``info``.
 
         Raises:
-            OutOfRange: there is no such action.
-            gymnasium.error.ResetNeeded: no situation has begun, or it has ended.
+            OutOfRange: if there is no such action.
+            gymnasium.error.ResetNeeded: if no episode has begun, or it has ended.
         """
         if not self.action_space.contains(action):
             end = self._candidates.numel()
             raise OutOfRange("action", action, f"a whole number in [0, {end})")
         if self._state is None:
-            raise ResetNeeded("no situation has begun, or it has ended: call reset first")
+            raise ResetNeeded("no episode has begun, or it has ended: call reset first")
         after = self.world.step(self._state.set("action", self._candidates[action].view(1)))
         after = after["next"]
         self._state = None if after["done"] else after
@@ -132,7 +132,7 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         return seen
 
     def _start(self, start: Any) -> list[float]:
-        """Return a fixed start as numbers; it must be finite and as long as the world's starts."""
+        """Return a start as floats; raise OutOfRange for a wrong length or numbers not finite."""
         values = self.world.world.start_values
         try:
             numbers = [*map(float, start)]
@@ -144,7 +144,7 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
 
 
 def _whole(name: str, value: Any, low: int, end: int) -> int:
-    """Return the value as an int; it must be a whole number in [low, end)."""
+    """Return the value as an int; raise OutOfRange if it isn't a whole number in [low, end)."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not (whole and low <= value < end):
         raise OutOfRange(name, value, f"a whole number in [{low}, {end})")

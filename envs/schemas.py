@@ -1,4 +1,4 @@
-"""The schemas of our worlds by their kinds. No torch here."""
+"""The registry of the worlds' schemas by kind, without torch."""
 
 from envs.core.world import WorldConfig
 from envs.robot.schemas import FollowBallConfig, FollowOneSideConfig

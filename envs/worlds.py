@@ -1,4 +1,4 @@
-"""Our worlds by their kinds; their schemas are in :mod:`envs.schemas`."""
+"""The registry of the worlds by kind; :mod:`envs.schemas` has their schemas."""
 
 from typing import Any
 
@@ -18,10 +18,10 @@ def make_world(config: WorldConfig, *args: Any, **settings: Any) -> PureEnv:
     """Make the environment that a configuration describes.
 
     Args:
-        config: of one of `WORLDS`, or of a user's own world, whose kind is ``module:Class``.
+        config: the configuration of one of `WORLDS` or of a user's world (``module:Class``).
         *args, **settings: further arguments of :class:`envs.core.pure.PureEnv`.
 
     Raises:
-        ConfigError: the user's own class isn't a :class:`envs.core.pure.PureEnv`.
+        ConfigError: if the user's class can't be imported or isn't a `PureEnv`.
     """
     return class_of("env", config.kind, WORLDS, PureEnv)(config, *args, **settings)

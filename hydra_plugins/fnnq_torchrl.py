@@ -1,6 +1,6 @@
 """The launcher and the sweeper of fnnq_torchrl, in the package where Hydra looks for plugins.
 
-Every Hydra application in the same Python environment imports this file, so it must be light.
+Every Hydra application in the same Python environment imports this module, so it must load fast.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from omegaconf import DictConfig
 
 
 class BatchLauncher(Launcher):
-    """A launcher that hands the jobs of a multirun to the command's task, which batches them.
+    """A launcher that passes the jobs of a multirun to the task, which trains them in batches.
 
     Args:
         **settings: the keys of ``conf/hydra/launcher/batch.yaml``.
@@ -29,14 +29,14 @@ class BatchLauncher(Launcher):
     def setup(
         self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig
     ) -> None:
-        """Prepare the task, a ``fnnq_torchrl.launch.command.Task``."""
+        """Set up the task function, which must be a ``fnnq_torchrl.launch.command.Task``."""
         self._task = cast(Any, task_function)
         self._task.set_up(self._settings, hydra_context, config)
 
     def launch(
         self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int
     ) -> Sequence[JobReturn]:
-        """Run the jobs, and return their results in order."""
+        """Run the jobs and return their results in the same order."""
         returns: list[JobReturn] = self._task.launch(job_overrides, initial_job_idx)
         return returns
 
@@ -44,13 +44,14 @@ class BatchLauncher(Launcher):
 class BatchSweeper(BasicSweeper):
     """Hydra's basic sweeper over several grids, one after the other.
 
-    The launcher composes the jobs, which is faster.
+    Hydra composes every job before the launch; this sweeper leaves that to :class:`BatchLauncher`,
+    which is faster.
 
     Args:
-        cases: a list of grids, keys with their values as on the command line; ``{}`` is one job.
-        params: keys swept within every case. Sweeps on the command line are, too, and replace the
-            values of a case or of ``params``.
-        max_batch_size: the number of jobs launched together; by default all.
+        cases: the grids: each maps keys to values as on the command line; ``{}`` is one job.
+        params: further keys with values, swept within every case. Keys on the command line are
+            also swept within every case, and replace the values of the case or of ``params``.
+        max_batch_size: the number of jobs launched together; by default all jobs.
     """
 
     def __init__(
@@ -62,13 +63,13 @@ class BatchSweeper(BasicSweeper):
         super().__init__(max_batch_size, dict(params or {}))
         self._cases = cases
 
-    def split_arguments(  # type: ignore[override]  # the base has it static, and calls it on self
+    def split_arguments(  # type: ignore[override]  # static in the base, but called on self
         self, overrides: list[Override], max_batch_size: int | None
     ) -> list[list[list[str]]]:
-        """Return the batches of jobs, each job a list of overrides, without duplicates.
+        """Return the batches of jobs without duplicates; a job is a list of overrides.
 
         Raises:
-            HydraException: the cases aren't grids, or one of the sweeps is empty.
+            HydraException: if ``cases`` isn't a list of mappings, or a sweep has no values.
         """
         cases = self._cases
         if not isinstance(cases, Sequence) or not all(isinstance(case, Mapping) for case in cases):
@@ -90,6 +91,6 @@ class BatchSweeper(BasicSweeper):
         return list(chunks)
 
     def validate_batch_is_legal(self, batch: Sequence[Sequence[str]]) -> None:
-        """Compose the jobs to check them, unless the launcher does."""
+        """Compose the jobs to check them, unless :class:`BatchLauncher` composes them itself."""
         if not isinstance(self.launcher, BatchLauncher):
             super().validate_batch_is_legal(batch)

@@ -1,4 +1,4 @@
-"""A check of a world, which takes one step and reports a fault in one line."""
+"""A check that a world can take a step and that its entries match its specs."""
 
 from collections.abc import Iterable
 
@@ -10,19 +10,19 @@ from envs.core.pure import PureEnv
 
 
 def check_world(env: PureEnv) -> None:
-    """Take a step in a world, and refuse the world if an entry is missing or misshapen.
+    """Reset, step and restart a world; raise an error if an entry doesn't match its spec.
 
     Args:
         env: the world, with at least two runs.
 
     Raises:
-        ConfigError: the step fails, or an entry is missing or doesn't have the shape and dtype of
-            its spec.
+        ConfigError: if the world's code fails, an entry is missing or doesn't have the shape and
+            dtype of its spec, or no ``success`` is returned for the measure ``successes``.
     """
     with torch.no_grad():
         try:
             start = env.reset()
-            # Not TorchRL's own step, which would mend what is wrong.
+            # env.step would repair missing or misshapen entries, and so hide the fault.
             after = env._step(env.rand_action(start))
             again = env.restart(after)
             said = env.transition({**start}, start["action"])
@@ -33,8 +33,8 @@ def check_world(env: PureEnv) -> None:
             ) from error
     if env.world.measure == "successes" and "success" not in said:
         raise ConfigError(
-            f"env.kind={env.world.kind}: its transition returns no success, which its measure "
-            "counts; return one, or set measure = 'return' or 'length'"
+            f"env.kind={env.world.kind}: its transition must return success for the "
+            "measure 'successes'; add it, or set measure = 'return' or 'length'"
         )
     specs = {**env.observation_spec, **env.done_spec, "reward": env.reward_spec}
     carried = [key for key in env.observation_spec if key != "success"]
@@ -51,7 +51,7 @@ def _check(env: PureEnv, state: TensorDictBase, keys: Iterable[str], when: str) 
     for key in keys:
         wanted = f"{specs[key].dtype} {list(specs[key].shape)}"
         entry = state.get(key, None)
-        found = "not there" if entry is None else f"{entry.dtype} {list(entry.shape)}"
+        found = "missing" if entry is None else f"{entry.dtype} {list(entry.shape)}"
         if found != wanted:
-            line = f"{when} {key} is {found}, and must be {wanted}"
+            line = f"{when} the entry {key} is {found}; it must be {wanted}"
             raise ConfigError(f"env.kind={env.world.kind}: {line}")

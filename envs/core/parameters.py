@@ -1,10 +1,10 @@
-"""Dataclasses of parameters, whose fields are declared with the range of their values.
+"""Dataclasses of parameters: each field is declared with its range of allowed values.
 
-A field has no default, since defaults stand in the YAML files alone::
+Fields have no defaults, because only the YAML files hold defaults::
 
     speed_mps: float = number(above=0)
 
-`check` refuses an instance with a value outside its range; `allowed` gives every range in words.
+`check` raises an error for a value outside its range; `allowed` describes every range in words.
 """
 
 import re
@@ -14,24 +14,24 @@ from math import inf
 from typing import Any, get_args, get_type_hints
 
 MOST = 2**63 - 1
-"""The greatest whole number that a tensor holds."""
+"""The largest whole number allowed, that of an int64 tensor."""
 
 
 class ConfigError(ValueError):
-    """A mistake in the user's input; its text is one line that says what to change."""
+    """An error in the user's input; its message is one line that says what to change."""
 
 
 class OutOfRange(ConfigError):
-    """A value that its key doesn't allow.
+    """An error for a value that its key doesn't allow.
 
     Args:
         key: the key with its groups, as in ``env.speed_mps``.
         value: the value given.
-        allowed: the values that the key allows, in words that complete "must be".
+        allowed: the allowed values in words, which the message puts after "must be".
     """
 
     def __init__(self, key: str, value: object, allowed: str) -> None:
-        super().__init__(key, value, allowed)  # all three, which unpickling passes again
+        super().__init__(key, value, allowed)  # unpickling calls the class with these three
         self.key, self.value, self.allowed = key, value, allowed
 
     def __str__(self) -> str:
@@ -39,23 +39,23 @@ class OutOfRange(ConfigError):
 
 
 class Parameters:
-    """Base of the dataclasses whose fields are declared with their ranges."""
+    """The base class of dataclasses whose fields are declared with their ranges."""
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """Yield the values that are allowed alone but not together; `check` raises the first."""
+        """Yield an error for each value that conflicts with another; `check` raises the first."""
         yield from ()
 
 
 @dataclass(frozen=True)
 class Range:
-    """A set of values: a test of whether it holds a value, and its description in words."""
+    """A set of allowed values: ``holds(value)`` tests a value, ``words`` describe the set."""
 
     holds: Callable[[Any], bool]
     words: str
 
 
 def number(low: float = -inf, high: float = inf, *, above: float = -inf) -> Any:
-    """A finite number in [low, high] or, with `above`, in (above, high]."""
+    """Declare a field for a finite number in [low, high] or, with `above`, in (above, high]."""
     left = f"[{low:g}" if low > above else f"({above:g}"
     right = f"{high:g}]" if high < inf else "inf)"
     return _declare(
@@ -65,25 +65,30 @@ def number(low: float = -inf, high: float = inf, *, above: float = -inf) -> Any:
 
 
 def whole(low: int) -> Any:
-    """A whole number, at least `low`."""
+    """Declare a field for a whole number >= `low`."""
     return _declare(lambda value: _is_whole(value) and value >= low, f"a whole number >= {low}")
 
 
 def one_of(*choices: str) -> Any:
-    """One of the given words, of which there are at least two."""
+    """Declare a field for one of the given words, at least two."""
     *others, last = choices
     return _declare(lambda value: value in choices, f"{', '.join(others)} or {last}")
 
 
 def matching(pattern: str, words: str) -> Any:
-    """A text that a regular expression matches as a whole; `words` describe it to the user."""
+    """Declare a field for a text that fully matches `pattern`; `words` describe such a text."""
     return _declare(
         lambda value: isinstance(value, str) and re.fullmatch(pattern, value) is not None, words
     )
 
 
 def pairs(first: str, second: str, *, above: float = -inf) -> Any:
-    """A list of at least one pair of finite numbers, each with a second number > `above`."""
+    """Declare a field for a list of at least one pair of finite numbers.
+
+    Args:
+        first, second: the names of a pair's numbers in the error.
+        above: the number that every second number must exceed.
+    """
 
     def holds(value: Any) -> bool:
         return (
@@ -97,18 +102,18 @@ def pairs(first: str, second: str, *, above: float = -inf) -> Any:
 
 
 def texts(most: int) -> Any:
-    """A list of texts, each of 1 to `most` letters; it may be empty."""
+    """Declare a field for a list of texts of 1 to `most` characters; the list may be empty."""
     return _declare(
         lambda value: (
             isinstance(value, list)
             and all(isinstance(text, str) and 1 <= len(text) <= most for text in value)
         ),
-        f"a list of texts of 1 to {most} letters",
+        f"a list of texts of 1 to {most} characters",
     )
 
 
 def words(**default: Any) -> Any:
-    """A list of different words; `default` is for files from before there was such a key."""
+    """Declare a field for a list of different words; `default` serves files without such a key."""
     return _declare(
         lambda value: (
             isinstance(value, list)
@@ -121,7 +126,7 @@ def words(**default: Any) -> Any:
 
 
 def rising_pair(first: str, second: str) -> Any:
-    """A list of two finite numbers, the second above the first."""
+    """Declare a field for a pair of finite numbers, named in errors; the second is greater."""
     return _declare(
         lambda value: _is_pair(value) and value[0] < value[1],
         f"a pair [{first}, {second}] with {first} < {second}",
@@ -129,7 +134,7 @@ def rising_pair(first: str, second: str) -> Any:
 
 
 def wholes(low: int) -> Any:
-    """A list of at least one whole number, each at least `low`."""
+    """Declare a field for a list of at least one whole number, each >= `low`."""
     return _declare(
         lambda value: (
             isinstance(value, list)
@@ -141,7 +146,12 @@ def wholes(low: int) -> Any:
 
 
 def whole_or_rows(low: int, row: str) -> Any:
-    """A whole number, at least `low`, or a list of at least one row of finite numbers."""
+    """Declare a field for a whole number or a list of at least one row of finite numbers.
+
+    Args:
+        low: the smallest whole number allowed.
+        row: the name of a row in the error.
+    """
 
     def holds(value: Any) -> bool:
         if _is_whole(value):
@@ -156,40 +166,40 @@ def whole_or_rows(low: int, row: str) -> Any:
 
 
 def or_null(declared: Any) -> Any:
-    """A declared range, extended by ``null``."""
+    """Declare a field for ``null`` (None) or a value in the range of another declared field."""
     range_: Range = declared.metadata[_RANGE]
     return _declare(lambda value: value is None or range_.holds(value), f"{range_.words}, or null")
 
 
 def flag() -> Any:
-    """True or false."""
+    """Declare a field for true or false."""
     return _declare(lambda value: isinstance(value, bool), "true or false")
 
 
 def parameters(kinds: Iterable[str]) -> Any:
-    """The parameters of one of several kinds, named by the entry ``kind``."""
+    """Declare a field for a group of parameters; the error names `kinds` as its choices."""
     return _declare(
         lambda value: isinstance(value, Parameters), f"the values of one of: {', '.join(kinds)}"
     )
 
 
 def check(parameters: Parameters, prefix: str = "") -> None:
-    """Refuse parameters with a value outside its range, nested dataclasses included.
+    """Raise an error if a value is outside its range, in nested dataclasses too.
 
     Args:
-        parameters: an instance of a dataclass whose fields have ranges. The range of a mapping
-            applies to each of its values.
-        prefix: the beginning of every key, as ``env.`` for the fields of a nested ``env``.
+        parameters: an instance of a dataclass whose fields have ranges. The range of a field that
+            holds a mapping applies to each value in the mapping.
+        prefix: text before every key in the error, as ``env.`` for the fields of ``env``.
 
     Raises:
-        OutOfRange: for the first such value.
+        OutOfRange: for the first value outside its range or in conflict with another.
     """
     for item in fields(parameters):  # type: ignore[arg-type]  # every subclass is a dataclass
         key, value = prefix + item.name, getattr(parameters, item.name)
         if isinstance(value, Parameters):
             check(value, f"{key}.")
             continue
-        if value is None and _RANGE not in item.metadata:  # an optional group, not chosen
+        if value is None and _RANGE not in item.metadata:  # an optional group that isn't chosen
             continue
         if _is_whole(value) and value > MOST:
             raise OutOfRange(key, value, f"at most 2**63 - 1 = {MOST}")
@@ -203,20 +213,20 @@ def check(parameters: Parameters, prefix: str = "") -> None:
 
 
 def allowed(schema: type[Parameters], prefix: str = "") -> dict[str, str]:
-    """Return the range of each key, in words that complete "must be".
+    """Return the range of each key in words that can follow "must be".
 
     Args:
         schema: a dataclass whose fields have ranges.
-        prefix: the beginning of every key.
+        prefix: text before every key.
 
     Returns:
-        The words by key, nested keys with their groups: ``{"env.speed_mps": "a number in …"}``.
+        The range of each key, with its groups: ``{"env.speed_mps": "a number in (0, inf)", …}``.
     """
     words: dict[str, str] = {}
     kinds = get_type_hints(schema)
     for item in fields(schema):  # type: ignore[arg-type]  # every subclass is a dataclass
         key, kind = prefix + item.name, kinds[item.name]
-        # `Group | None` is a group that may be absent.
+        # The type `Group | None` is that of an optional group.
         groups = [
             of
             for of in (kind, *get_args(kind))
@@ -230,12 +240,11 @@ def allowed(schema: type[Parameters], prefix: str = "") -> dict[str, str]:
 
 
 _WORD = "[A-Za-z_][A-Za-z0-9_]{0,63}"
-
-_RANGE = "range"  # the key of a field's Range in its metadata
+_RANGE = "range"  # the key of the Range in a field's metadata
 
 
 def _declare(holds: Callable[[Any], bool], words: str, **default: Any) -> Any:
-    # Any, as in dataclasses' own stubs: it is assigned to fields of any type.
+    # The result is assigned to fields of all types, so it is Any, as in the stubs of dataclasses.
     return field(metadata={_RANGE: Range(holds, words)}, **default)
 
 

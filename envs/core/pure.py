@@ -1,4 +1,4 @@
-"""Environments whose step is a pure function of the TensorDict."""
+"""The base class of environments whose step is a pure function of a TensorDict."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -16,52 +16,52 @@ from envs.core.streams import Stream
 from envs.core.world import WorldConfig
 
 WHEN = "seed", "episode", "step"
-"""The entries that key the random numbers: int64, ``[*batch_size, 1]``."""
+"""The entries that determine the random numbers: int64, ``[*batch_size, 1]``."""
 
 _DRAWN_SEEDS = 2**62
-"""An unseeded world draws one seed below this number; run i has that seed + i."""
+"""The upper bound, exclusive, of the random seed of an unseeded world."""
 
 Entries = dict[str, Tensor]
 
 
 class PureEnv(EnvBase):
-    """A batch of independent runs, with all of their state in the TensorDict.
+    """The base class of worlds: a batch of independent runs, with all state in the TensorDict.
 
-    Random numbers depend on the run's ``seed``, ``episode`` and ``step`` alone
-    (:mod:`envs.core.streams`). So a run's history doesn't depend on the batch that it is in, and a
-    loop of steps compiles.
+    A random number depends only on its run's ``seed``, ``episode`` and ``step``
+    (:mod:`envs.core.streams`). So a run is the same in every batch, and a loop of steps can be
+    compiled.
 
-    A subclass has a ``schema``, lists its hidden state in ``state_keys``, and has two pure
-    functions, :meth:`initial` and :meth:`transition`. This class does the rest: specs, seeds,
-    resets, the count of steps, the time limit. Entries of the TensorDicts, each
+    A subclass sets ``schema``, lists its hidden state in ``state_keys`` and defines two pure
+    functions, :meth:`initial` and :meth:`transition`. This class adds the specs, the seeds, the
+    resets, the step count and the time limit. The TensorDicts have these entries, each
     ``[*batch_size, 1]``:
 
     ============================  ================================================================
     the observations, the state   real
-    ``chance``                    U[0, 1), for the choice of the action
-    ``action``                    real: in the world's range, or the index of one of its actions
+    ``chance``                    a random number, U[0, 1), with which a policy chooses an action
+    ``action``                    real: a number in the world's range, or the index of an action
     ``reward``                    real
     ``terminated``                the task has ended the episode
     ``truncated``                 the time limit has ended the episode
     ``done``                      either of them
     ``success``                   the episode has ended with a success
-    ``seed``, ``episode``,        the key of the random numbers (int64)
+    ``seed``, ``episode``,        determine the random numbers (int64)
     ``step``
     ============================  ================================================================
 
     TorchRL's ``reset`` counts the episodes in the environment. :meth:`restart` counts them in the
-    TensorDict, so it compiles.
+    TensorDict and can therefore be compiled.
 
     Args:
         world: the parameters, an instance of ``schema``.
-        batch_size: the shape of the batch of runs; ``()`` is a single one.
-        situations: fixed starts, of a shape that broadcasts to ``[*batch_size, values]``
-            (:attr:`envs.core.world.WorldConfig.start_values`); random ones by default.
-        seed: an integer (run i of the batch gets ``seed + i``) or the seeds themselves, int64 of
-            shape ``batch_size``. By default a random integer from torch's default generator, so
-            worlds differ from each other, and ``torch.manual_seed`` repeats them.
-        dtype: of all real entries.
-        device: of all entries.
+        batch_size: the shape of the batch of runs; ``()`` for a single run.
+        situations: fixed starts, broadcast to ``[*batch_size, values]``; the values are named by
+            :attr:`envs.core.world.WorldConfig.start_values`. By default all starts are random.
+        seed: an integer (run i of the batch gets ``seed + i``) or the runs' seeds, int64 of shape
+            ``batch_size``. By default an integer drawn from torch's global generator, which
+            ``torch.manual_seed`` makes repeatable.
+        dtype: the dtype of all real entries.
+        device: the device of all entries.
 
     Attributes:
         seen: the names of the observations.
@@ -69,7 +69,7 @@ class PureEnv(EnvBase):
 
     schema: ClassVar[type[WorldConfig]]
     state_keys: ClassVar[tuple[str, ...]] = ()
-    """The names of the hidden state, real entries that one step hands to the next."""
+    """The names of the hidden entries, which are real and pass from each step to the next."""
 
     situations: Tensor | None
     _seed: Tensor
@@ -105,23 +105,23 @@ class PureEnv(EnvBase):
             situations: fixed starts, ``[*batch_size, values]``; None for random ones.
 
         Returns:
-            Each ``[*batch_size, 1]``. A world with random bits to spare may add a ``chance``; else
-            one is drawn.
+            The entries by name, each ``[*batch_size, 1]``. A world with unused random bits may
+            add ``chance``; otherwise this class draws one.
         """
 
     @abstractmethod
     def transition(self, state: Entries, action: Tensor) -> Entries:
-        """Return the observations and the state after a step, and its reward and end.
+        """Return the observations and the state after a step, its reward and whether it is last.
 
         Args:
-            state: the observations and the state before it, and ``seed``, ``episode`` and ``step``,
-                the number of this step from 1, for :func:`envs.core.streams.draw` with
+            state: the observations and the state before the step. Also ``seed``, ``episode`` and
+                ``step`` (the number of this step, from 1), for :func:`envs.core.streams.draw` with
                 ``Stream.STEP``.
             action: ``[*batch_size, 1]``.
 
         Returns:
-            The new observations and state, ``reward`` and ``terminated`` (bool). It may add
-            ``success`` (bool), for an episode that ends here, and ``chance``.
+            The new observations and state, ``reward`` and ``terminated`` (bool). Optional entries
+            are ``chance`` and ``success`` (bool), true where an episode ends with a success.
         """
 
     def start(self, seed: Tensor, episode: Tensor, situations: Tensor | None = None) -> TensorDict:
@@ -129,7 +129,7 @@ class PureEnv(EnvBase):
 
         Args:
             seed, episode: int64 ``[*batch_size, 1]``.
-            situations: starts, ``[*batch_size, values]``, instead of the environment's own.
+            situations: fixed starts, ``[*batch_size, values]``; by default the environment's.
         """
         situations = self.situations if situations is None else situations
         entries = self.initial(seed, episode, situations)
@@ -137,21 +137,21 @@ class PureEnv(EnvBase):
         return self.pack(self._with_chance(entries))
 
     def restart(self, after: TensorDictBase) -> TensorDict:
-        """Return the state for the next step: where ``done``, the start of the run's next episode.
+        """Return the state before the next step, which in a ``done`` run starts the next episode.
 
         Args:
-            after: the ``"next"`` of a step.
+            after: the entry ``"next"`` of a step's result.
         """
         start = self.start(after["seed"], after["episode"] + 1)
         done = after["done"]
         return self.pack({key: torch.where(done, new, after[key]) for key, new in start.items()})
 
     def pack(self, entries: Entries) -> TensorDict:
-        """Return a TensorDict of this environment's batch."""
+        """Return the entries as a TensorDict with this environment's batch size and device."""
         return TensorDict(entries, batch_size=self.batch_size, device=self.device)
 
     def seed_runs(self, seed: int | Tensor) -> None:
-        """Give every run its seed; the next reset begins its first episode.
+        """Set the seed of every run, so that the next reset starts episode 0.
 
         Args:
             seed: an integer (run i gets ``seed + i``) or int64 of shape ``batch_size``.
@@ -159,7 +159,7 @@ class PureEnv(EnvBase):
         if not isinstance(seed, Tensor):
             seed = seed + torch.arange(self.batch_size.numel())
         seed = seed.to(self.device, torch.int64).reshape(*self.batch_size, 1).clone()
-        # As buffers they go along with the environment to another device and into its state_dict.
+        # Buffers move to another device with the environment, and are part of its state_dict.
         self.register_buffer("_seed", seed)
         self.register_buffer("_episode", torch.full_like(seed, -1))
 

@@ -1,4 +1,4 @@
-"""Find the schema and the class of a kind: a name of ours, or a user's own ``module:Class``."""
+"""The look-up of a kind's schema and class. A kind is a built-in name or ``module:Class``."""
 
 import inspect
 import sys
@@ -11,34 +11,35 @@ from envs.core.parameters import ConfigError, Parameters
 Entry = TypeVar("Entry")
 
 KIND = r"\w+|[\w.]+:\w+", "a name, or module:Class"
-"""The pattern of a kind, and its description in words."""
+"""The regular expression that a kind matches, and its description in words."""
 
 
 def is_own(kind: object) -> bool:
-    """Return whether a kind names a class of a user's own, as ``my_package.my_module:MyWorld``."""
+    """Return whether a kind names a user's class, as in ``my_package.my_module:MyWorld``."""
     return isinstance(kind, str) and ":" in kind
 
 
 def kinds_in_words(known: Iterable[str]) -> str:
-    """Return the known kinds, in words that complete "must be"."""
-    return f"{', '.join(known)} or, of your own, module:Class"
+    """Return the allowed kinds in words that can follow "must be"."""
+    return f"{', '.join(known)} or your own module:Class"
 
 
 def own_class(group: str, kind: str) -> type[Any]:
-    """Import the class that a kind names.
+    """Import and check the user's class that a kind names.
 
-    Python's own path is searched first, then the current directory.
+    The module is searched for on Python's path, and then in the current directory.
 
     Args:
-        group: of the configuration, ``env`` or ``value``.
+        group: the configuration's group, ``env`` or ``value``.
         kind: ``module:Class``.
 
     Raises:
-        ConfigError: there is no such module or class, its attribute ``schema`` isn't a dataclass of
-            :class:`envs.core.parameters.Parameters`, or either lacks an abstract method.
+        ConfigError: if there is no such module or class, its attribute ``schema`` doesn't inherit
+            from :class:`envs.core.parameters.Parameters`, or the class or its schema leaves an
+            abstract method undefined.
     """
     module, _, name = kind.partition(":")
-    if "" not in sys.path:  # a console script has no current directory
+    if "" not in sys.path:  # the current directory, missing in a console script
         sys.path.append("")
     try:
         found = getattr(import_module(module), name)
@@ -47,7 +48,7 @@ def own_class(group: str, kind: str) -> type[Any]:
     schema = getattr(found, "schema", None)
     if not (isinstance(schema, type) and issubclass(schema, Parameters)):
         raise ConfigError(
-            f"{group}.kind={kind}: its attribute schema must be a dataclass of Parameters"
+            f"{group}.kind={kind}: its attribute schema must be a dataclass derived from Parameters"
         )
     for each in (found, schema):
         if missing := sorted(getattr(each, "__abstractmethods__", ())):
@@ -58,7 +59,7 @@ def own_class(group: str, kind: str) -> type[Any]:
 
 
 def source_of(group: str, kind: str) -> str:
-    """Return the text of the module that has the class of a user's own kind.
+    """Return the source code of the module that defines a user's class.
 
     Raises:
         ConfigError: see :func:`own_class`.
@@ -70,9 +71,9 @@ def schema_of(group: str, kind: str, known: Mapping[str, type[Parameters]]) -> t
     """Return the schema of a kind: its keys with their ranges.
 
     Args:
-        group: of the configuration.
+        group: the configuration's group, ``env`` or ``value``.
         kind: a name in ``known``, or ``module:Class``.
-        known: our schemas by their kinds.
+        known: the built-in schemas by kind.
 
     Raises:
         ConfigError: see :func:`own_class`.
@@ -87,13 +88,13 @@ def class_of(group: str, kind: str, known: Mapping[str, type[Entry]], base: type
     """Return the class of a kind.
 
     Args:
-        group: of the configuration.
+        group: the configuration's group, ``env`` or ``value``.
         kind: a name in ``known``, or ``module:Class``.
-        known: our classes by their kinds.
-        base: the base that every class must have.
+        known: the built-in classes by kind.
+        base: the class from which a user's class must inherit.
 
     Raises:
-        ConfigError: see :func:`own_class`; or the class doesn't have that base.
+        ConfigError: see :func:`own_class`; or if the class doesn't inherit from ``base``.
     """
     if not is_own(kind):
         return known[kind]

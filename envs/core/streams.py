@@ -1,13 +1,13 @@
-"""Counter-based random numbers, which depend on the run and the step, not on earlier draws.
+"""Counter-based random numbers: they depend on the run and the step, not on earlier draws.
 
 Every draw is a hash of the run's seed, the episode, the step and the stream. So a run's random
 numbers are the same alone, in any batch, in any order and on any device, and there is no generator
 state to save.
 
-The hash is pcg4d, from four 32-bit words to four, with three rounds instead of two. With two, the
-low bits of neighbouring runs and episodes are not independent; with three no test finds a fault
-(``tests/envs/core/test_streams.py``). It multiplies 32-bit integers only, eight at a time with
-AVX2, which has no instruction for the 64-bit products of SplitMix64 or Philox.
+The hash is pcg4d, which maps four 32-bit words to four, with three rounds instead of its two. After
+two rounds the low bits of neighbouring runs and episodes depend on each other; after three no test
+finds a dependence (``tests/envs/core/test_streams.py``). pcg4d multiplies only 32-bit integers:
+eight at a time with AVX2. SplitMix64 and Philox need 64-bit products, which AVX2 doesn't have.
 
 Source: M. Jarzynski, M. Olano, "Hash functions for GPU rendering", Journal of Computer Graphics
 Techniques 9(3), 2020.
@@ -20,11 +20,11 @@ import torch
 from torch import Tensor
 
 Words = tuple[Tensor, Tensor, Tensor, Tensor]
-"""A block of random words, 32 bits each: int32 tensors."""
+"""Four random 32-bit words, as int32 tensors."""
 
 
 class Stream(IntEnum):
-    """The purposes of random words, which no two streams share. There is room for three more."""
+    """The purposes of random words. No two streams share words; three more streams would fit."""
 
     STEP = 0
     START = 1
@@ -32,7 +32,7 @@ class Stream(IntEnum):
 
 
 def pcg4d(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
-    """Return the hash of four words. Changing one bit of them changes about half of its 128 bits.
+    """Return the hash of four words; each input bit affects about half of its 128 bits.
 
     Args:
         x, y, z, w: int32, of one shape. Products and sums wrap, as the hash requires.
@@ -44,7 +44,7 @@ def pcg4d(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
 
 
 def _couple(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
-    """Return words that each depend on all four."""
+    """Return four words that each depend on all four given words."""
     x = torch.addcmul(x, y, w)
     y = torch.addcmul(y, z, x)
     z = torch.addcmul(z, x, y)
@@ -53,7 +53,7 @@ def _couple(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
 
 
 def draw(seed: Tensor, episode: Tensor, step: Tensor, stream: Stream) -> Words:
-    """Four random 32-bit words of a run, at a step of one of its episodes.
+    """Return four random 32-bit words for each run, at a step of an episode.
 
     Args:
         seed: the runs' seeds, int64 in [0, 2⁶³), any shape.
@@ -62,33 +62,33 @@ def draw(seed: Tensor, episode: Tensor, step: Tensor, stream: Stream) -> Words:
         stream: the purpose of the words.
 
     Returns:
-        Four int32 tensors of that shape.
+        Four int32 tensors, shaped as ``seed``.
     """
     upper = (seed >> 32) | ((episode >> 32) << 31)  # 31 bits of the seed, one of the episode
-    # The first two streams alternate in the lower half of the counter; each of the others has a
-    # quarter of the upper half.
+    # The streams 0 and 1 alternate in the lower half of the counter's range. Each other stream has
+    # a quarter of the upper half.
     counter = 2 * step + stream if stream < 2 else 2**31 + (stream - 2) * 2**29 + step
     low_bits = (number.to(torch.int32) for number in (seed, upper, episode, counter))
     return pcg4d(*low_bits)
 
 
 def uniform(word: Tensor, dtype: torch.dtype) -> Tensor:
-    """U[0, 1) from a word's upper 24 bits, exact and therefore equal in float32 and float64."""
+    """Return U[0, 1) from a word's upper 24 bits, exact in float32 and so equal in float64."""
     return ((word >> 8) & 0xFFFFFF).to(dtype) * 2.0**-24
 
 
 def spare_uniform(words: tuple[Tensor, ...], dtype: torch.dtype) -> Tensor:
-    """U[0, 1) from the lowest bytes of three words, which :func:`uniform` leaves alone."""
+    """Return U[0, 1) from the lowest bytes of three words; :func:`uniform` ignores these bytes."""
     high, middle, low = (word & 0xFF for word in words)
     return ((high << 16) | (middle << 8) | low).to(dtype) * 2.0**-24
 
 
 def coin(word: Tensor) -> Tensor:
-    """A fair coin (bool) from the word's lowest bit, which :func:`uniform` leaves alone."""
+    """Return a fair coin (bool) from a word's lowest bit; :func:`uniform` ignores this bit."""
     return (word & 1).bool()
 
 
 def normal(word: Tensor, other: Tensor, dtype: torch.dtype) -> Tensor:
-    """N(0, 1) from two words, by Box and Muller's transform."""
+    """Return N(0, 1) from two words, by the Box–Muller transform."""
     radius = torch.sqrt(-2 * torch.log(1 - uniform(word, dtype)))
     return radius * torch.cos(2 * math.pi * uniform(other, dtype))

@@ -1,4 +1,4 @@
-"""The base of the worlds' configurations: parameters, observations, actions. No torch."""
+"""The base class of the worlds' configurations, without torch."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -16,34 +16,34 @@ Range = tuple[float, float]
 class WorldConfig(Parameters, ABC):
     """The parameters of a world, and its observations, actions and measure.
 
-    A subclass adds its own parameters, each with its range, and defines the observations and the
-    actions. The specs of :class:`envs.core.pure.PureEnv` are made from them.
+    A subclass adds its own parameters, each with its range, and defines ``observations`` and
+    ``actions``. :class:`envs.core.pure.PureEnv` makes its specs from these two.
     """
 
     kind: str = matching(*KIND)
     time_limit_steps: int = whole(1)
 
     measure: ClassVar[str] = "successes"
-    """The score of a test: ``successes``, ``return`` or ``length``, where less is better."""
+    """The score of a test: ``successes``, ``return`` or ``length`` (a smaller one is better)."""
 
     successes: ClassVar[str] = "successes"
-    """The word for the successes that a test counts, in the plural."""
+    """The plural noun for the successes that a test counts, such as ``catches``."""
 
     action_name: ClassVar[str] = "action"
     """What the action is called in rules."""
 
     start_values: ClassVar[tuple[str, ...]] = ()
-    """The names of the numbers of a fixed start; a world without any has random starts only."""
+    """The names of the numbers that define a fixed start; none if all starts are random."""
 
     @property
     @abstractmethod
     def observations(self) -> Mapping[str, Range]:
-        """The observations by their names, each with its range, which may be infinite."""
+        """The range of each observation, by name; a range may be infinite."""
 
     @property
     @abstractmethod
     def actions(self) -> Range | int:
-        """The range of the action, or the size of a fixed set of actions, numbered from 0."""
+        """The range of the action, or the number of actions in a fixed set, with indices from 0."""
 
     @property
     def returns(self) -> Range | None:
@@ -52,10 +52,10 @@ class WorldConfig(Parameters, ABC):
 
     @property
     def fewest_steps(self) -> int:
-        """The least number of steps of an episode, or less."""
+        """A lower bound of the steps in an episode."""
         return 1
 
     @property
     def tested(self) -> "WorldConfig":
-        """The world in which the runs are tested."""
+        """The configuration of the world in which evaluations play; by default this one."""
         return self

@@ -12,7 +12,7 @@ def position(angle_rad: Tensor, circle_radius_m: float) -> tuple[Tensor, Tensor]
 
 
 def roll(angle_rad: Tensor, speed_radps: Tensor, time_step_s: float) -> Tensor:
-    """The ball's angle after a time step: φ + ω_b·dt."""
+    """Return the ball's angle after a time step, φ + ω_b·dt, in rad."""
     return angle_rad + speed_radps * time_step_s
 
 
@@ -23,13 +23,13 @@ def random_start(
     speed_range_radps: tuple[float, float],
     dtype: torch.dtype,
 ) -> tuple[Tensor, Tensor]:
-    """A ball's start for learning: φ₀ ~ U(−φ_max, φ_max), ω_b ~ ±U(low, high), sign a fair coin.
+    """Return a random start: φ₀ ~ U(−φ_max, φ_max), |ω_b| ~ U(low, high), ω_b's sign a fair coin.
 
     Args:
         angle_word, speed_word: random 32-bit words (:func:`envs.core.streams.draw`), any shape.
         start_angle_rad: φ_max.
-        speed_range_radps: low and high of |ω_b|.
-        dtype: of the result.
+        speed_range_radps: the lowest and the highest |ω_b|.
+        dtype: the dtype of the result.
 
     Returns:
         φ₀ in rad and ω_b in rad/s, shaped as the words.

@@ -11,24 +11,26 @@ from envs.robot.schemas import FollowBallConfig
 
 
 class FollowBall(PureEnv):
-    """A batch of robots, each on a plane of its own with one ball.
+    """A batch of robots, each alone on a plane with one ball to catch.
 
-    Entries besides those of every :class:`envs.core.pure.PureEnv`, each ``[*batch_size, 1]``:
+    An episode is called a situation. The world's entries, each ``[*batch_size, 1]``:
 
     ===================================  =========================================================
-    ``bearing``                          Δθ, where the head sees the ball, rad (the observation)
+    ``bearing``                          Δθ, the ball's bearing as the head sees it, rad (observed)
     ``action``                           Δv in [−1, 1], the wheels' relative speed
     ``reward``                           1 for a catch, −0.5 for a miss, else 0 (by default)
     ``terminated``                       the situation has ended, by a catch or a miss
-    ``success``                          it has ended by a catch
+    ``success``                          the situation has ended by a catch
     ``x_m``, ``y_m``, ``heading_rad``    the robot's pose
     ``ball_angle_rad``                   φ, the ball's position on its circle
     ``ball_speed_radps``                 ω_b, its angular speed along the circle
     ===================================  =========================================================
 
-    A fixed start is (φ₀, ω_b), in rad and rad/s.
+    :class:`envs.core.pure.PureEnv` has further entries. A fixed start is (φ₀, ω_b), in rad and
+    rad/s.
 
-    Arguments: as :class:`envs.core.pure.PureEnv`'s. ``conf/env/follow_ball.yaml`` has the values.
+    Arguments: see :class:`envs.core.pure.PureEnv`; the values of ``world`` are in
+    ``conf/env/follow_ball.yaml``.
     """
 
     schema = FollowBallConfig
@@ -89,7 +91,7 @@ class FollowBall(PureEnv):
         }
 
     def _draw_ball(self, words: Words, episode: Tensor) -> tuple[Tensor, Tensor]:
-        """Return a random start of the ball, φ₀ and ω_b."""
+        """Return a random start of the ball: φ₀ in rad and ω_b in rad/s."""
         world = self.world
         speeds_radps = world.ball_speed_min_radps, world.ball_speed_max_radps
         return balls.random_start(
@@ -103,7 +105,7 @@ class FollowBall(PureEnv):
         noise_words: tuple[Tensor, Tensor],
         episode: Tensor,
     ) -> Tensor:
-        """Return the bearing that the head reports of a ball in that direction."""
+        """Return the bearing that the head reports for a ball in ``direction_rad``."""
         world = self.world
         noise_rad = world.bearing_noise_rad * streams.normal(*noise_words, self.dtype)
         return vision.bearing(direction_rad, heading_rad, noise_rad, world.field_of_view_rad)

@@ -1,11 +1,11 @@
-"""A robot on two driven wheels."""
+"""The kinematics of a robot with two driven wheels."""
 
 import torch
 from torch import Tensor
 
 
 def wheel_speeds(steering: Tensor, speed_mps: float) -> tuple[Tensor, Tensor]:
-    """The wheels' speeds: v_left = V₀(1 + Δv), v_right = V₀(1 − Δv) (paper, eq. 10, 11).
+    """Return the wheels' speeds: v_left = V₀(1 + Δv), v_right = V₀(1 − Δv) (paper, eq. 10, 11).
 
     Args:
         steering: Δv in [−1, 1], any shape; positive turns right.
@@ -26,7 +26,7 @@ def drive(
     track_width_m: float,
     time_step_s: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """The pose after a time step at constant wheel speeds: exactly, along an arc of a circle.
+    """Return the pose after a time step at constant wheel speeds. The path is an arc of a circle.
 
     With v = (v_left + v_right)/2, ω = (v_right − v_left)/L and half the turn h = ω·dt/2, the arc's
     chord has the length v·dt·sin(h)/h and the direction θ + h. Headings grow counter-clockwise.
@@ -34,11 +34,11 @@ def drive(
     Args:
         x_m, y_m, heading_rad: the pose, any shape.
         left_mps, right_mps: the wheels' speeds, same shape.
-        track_width_m: L, between the wheels.
+        track_width_m: L, the distance between the wheels.
         time_step_s: dt.
 
     Returns:
-        The new x, y and heading (not wrapped).
+        The new x and y in m, and the new heading in rad (not wrapped).
     """
     speed_mps = (left_mps + right_mps) / 2
     half_turn = (right_mps - left_mps) * (time_step_s / (2 * track_width_m))

@@ -1,4 +1,4 @@
-"""The paper's task with the ball on one side only: first left or right, later the other side."""
+"""The paper's task with the ball on one side, left or right, which may be switched once."""
 
 from torch import Tensor
 
@@ -8,12 +8,13 @@ from envs.robot.schemas import FollowOneSideConfig
 
 
 class FollowOneSide(FollowBall):
-    """:class:`envs.robot.follow.FollowBall` whose ball starts on one side of straight ahead.
+    """A :class:`envs.robot.follow.FollowBall` whose ball starts on one side of straight ahead.
 
-    A start drawn on the other side is mirrored. To that side the head sees ``other_view_rad`` at
-    most.
+    A random start on the other side is mirrored. On the other side the head sees at most the angle
+    ``other_view_rad``. From the episode ``switch_side_after`` on, unless it is 0, the sides are
+    switched.
 
-    Arguments: as :class:`envs.core.pure.PureEnv`'s.
+    Arguments: see :class:`envs.core.pure.PureEnv`.
     """
 
     schema = FollowOneSideConfig

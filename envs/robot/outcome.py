@@ -1,4 +1,4 @@
-"""The end of a situation: a catch, or a miss at the time limit."""
+"""The end of a situation (episode): a catch, or a miss at the time limit."""
 
 import torch
 from torch import Tensor
@@ -14,19 +14,19 @@ def judge(
     catch_reward: float,
     miss_reward: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Return the reward of a step, whether it ends the situation, and whether by a catch.
+    """Return a step's reward, whether it ends the situation (episode), and whether by a catch.
 
-    A miss at the time limit brings a penalty, so it terminates the episode and doesn't truncate it.
+    A miss at the time limit has its own reward, so the episode is terminated, not truncated.
 
     Args:
-        east_m, north_m: from the robot to the ball after the step, any shape.
-        step: steps of this situation so far, this one included, int64, same shape.
-        catch_distance_m: a ball nearer than this is caught.
+        east_m, north_m: the ball's position relative to the robot after the step, any shape.
+        step: the number of this step in its situation, from 1, int64, same shape.
+        catch_distance_m: the distance below which the ball is caught.
         time_limit_steps: the number of a situation's last step.
-        catch_reward, miss_reward: the rewards at the two ends; at every other step it is 0.
+        catch_reward, miss_reward: the rewards of a catch and a miss; other steps have 0.
 
     Returns:
-        The reward, and ``terminated`` and ``caught`` (bool), of that shape.
+        The reward, ``terminated`` (bool) and ``caught`` (bool), all shaped as ``east_m``.
     """
     caught = east_m.square() + north_m.square() < catch_distance_m * catch_distance_m
     terminated = caught | (step >= time_limit_steps)

@@ -1,1 +1,1 @@
-"""The TorchRL faces of the equations: value networks, policies, loss, trace, learning step."""
+"""The equations as TorchRL modules: value networks, policies, loss, trace, learning step."""

@@ -1,4 +1,4 @@
-"""The candidate actions, among which the best is sought."""
+"""The candidate actions, from which policies choose."""
 
 import torch
 from torch import Tensor
@@ -14,11 +14,11 @@ def make_candidates(
     """Return the candidate actions: evenly spaced in the world's range, or all of its fixed set.
 
     Args:
-        config: has the world and the number of candidates.
-        dtype, device: of the result.
+        config: the configuration, with the world and the number of candidates.
+        dtype, device: the dtype and device of the result.
 
     Returns:
-        ``[candidates]``, rising.
+        The actions, ``[candidates]``, ascending.
     """
     actions = config.env.actions
     if isinstance(actions, int):

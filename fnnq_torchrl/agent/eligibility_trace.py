@@ -1,4 +1,4 @@
-"""The trace of Q(λ), kept in a network like the one for Q, as a hook on the loss."""
+"""The eligibility trace of Q(λ) as a hook that replaces the loss."""
 
 from typing import TYPE_CHECKING
 
@@ -11,16 +11,16 @@ from fnnq_torchrl.agent.update import Update
 from fnnq_torchrl.equations.layout import run_numbers
 from fnnq_torchrl.equations.q_lambda import Rule
 
-if TYPE_CHECKING:  # it imports all of TorchRL's collectors
+if TYPE_CHECKING:  # this module imports all of TorchRL's collectors
     from torchrl.trainers import Trainer
 
 
 class EligibilityTrace:
-    """A hook that turns the loss of one-step Q-learning into that of Q(λ).
+    """A hook that turns the loss of one-step Q-learning into the loss of Q(λ).
 
-    Between the loss and the optimiser it replaces the loss by −⟨Δw, w⟩ with Δw = δe + δ′∇Q(s, a),
-    whose gradient is −Δw. Plain SGD with the step size α then does steps f and g of Table 1; the
-    hook itself does e and h. Call it once per step of the world, in order::
+    The hook replaces the loss by −⟨Δw, w⟩ with Δw = δe + δ′∇Q(s, a), so the loss has the gradient
+    −Δw. Plain SGD with the step size α then does steps f and g of the paper's Table 1; the hook
+    itself does steps e and h. Call it once per step of the world, in order::
 
         losses = trace(batch, loss(batch))
         losses["loss"].backward()
@@ -29,12 +29,12 @@ class EligibilityTrace:
     or, in TorchRL's Trainer, ``trace.register(trainer)``.
 
     Args:
-        loss: its value network's weights have the runs as their first dimension.
+        loss: the loss module, whose network's weights have the runs as their first dimension.
         lam: λ, one number or one per run, ``[runs, 1]``.
-        rule: the variant of Q(λ); by default the paper's.
+        rule: the variant of Q(λ) and its trace; by default the paper's.
 
     Raises:
-        ValueError: λ has another shape.
+        ValueError: if λ has another shape.
     """
 
     def __init__(
@@ -47,14 +47,14 @@ class EligibilityTrace:
         self.trace = self._update.start(weights)
 
     def __call__(self, batch: TensorDictBase, losses: TensorDictBase) -> TensorDictBase:
-        """Return the losses with that of Q(λ) as ``loss``, and advance the trace by this step.
+        """Replace ``loss`` by the loss of Q(λ), update the trace and return the losses.
 
         Args:
             batch: one step of every run, ``[runs]`` or, from a collector, ``[runs, 1]``.
-            losses: the loss module's result for it.
+            losses: the loss module's result for the batch, which is changed in place.
 
         Raises:
-            ValueError: there is more than one step of a run in the batch.
+            ValueError: if the batch has more than one step of a run.
         """
         runs, keys = len(batch), self.loss.tensor_keys
         if batch.numel() != runs:
@@ -73,12 +73,12 @@ class EligibilityTrace:
         return losses
 
     def register(self, trainer: "Trainer", name: str = "eligibility_trace") -> None:
-        """Make TorchRL's trainer call the hook after the loss, and save it in its checkpoints."""
+        """Register the hook with TorchRL's trainer, which calls it after the loss and saves it."""
         trainer.register_op("process_loss", self)
         trainer.register_module(name, self)
 
     def state_dict(self) -> dict[str, Tensor]:
-        """Return the trace, by the weights' names."""
+        """Return a copy of the trace, by the names of the weights."""
         return {name: trace.clone() for name, trace in self.trace.items()}
 
     def load_state_dict(self, state_dict: dict[str, Tensor]) -> None:

@@ -13,13 +13,13 @@ Aux = TypeVar("Aux")
 def gradient(
     function: Callable[[Weights], tuple[Tensor, Aux]], weights: Weights
 ) -> tuple[Weights, Aux]:
-    """Return the gradient of a function of the weights, and the function's second result.
+    """Return the gradient of a scalar function of the weights, and the function's second result.
 
-    By autograd, since ``torch.func.grad`` does the same more slowly in eager mode.
+    It uses ``torch.autograd.grad``, which is faster in eager mode than ``torch.func.grad``.
 
     Args:
         function: takes weights by name; returns a scalar and any second result without a graph.
-        weights: the point of the gradient. Gradients needn't be enabled.
+        weights: the weights at which the gradient is taken; they need not require gradients.
     """
     with torch.enable_grad():
         leaves = {name: weight.detach().requires_grad_() for name, weight in weights.items()}

@@ -1,4 +1,4 @@
-"""One learning step of a whole batch of runs: a function from TensorDicts to TensorDicts."""
+"""A learning step of a batch of runs, as a function from TensorDicts to TensorDicts."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -20,19 +20,20 @@ from fnnq_torchrl.equations.step_size import Direction, StepSize, decayed
 
 
 class Learner:
-    """Q(λ) on a world: act, step, the two errors, weights and trace, restart.
+    """A batch of runs that learn with Q(λ) on a world, each run independently of the others.
 
-    All that differs from run to run comes in TensorDicts of batch size ``[runs]``, and nothing is
-    averaged over runs, so each run learns alone:
+    A run is one learner with one seed. A situation is an episode. Two TensorDicts of batch size
+    ``[runs]`` hold everything that differs from run to run:
 
-    * ``run``, which never changes: ``seed``, ``lam``, ``alpha``, ``alpha_decay``, ``kappa`` where
-      the step size has one, ``gamma``, the amount of exploration by its name, as ``epsilon``, and
-      ``situations``, the number to learn from; each ``[runs, 1]``;
-    * ``state``, which every step replaces: ``world``, the environment's state; ``weights`` and
-      ``trace``, by the names of the network's parameters; ``alpha``, the present step size;
-      ``situations`` and ``steps``, the numbers learned from; ``diverged``, whether |Q| has become
-      too large, which ends the counts; ``over``, whether the run has ended; ``snapshot``, the
-      weights and counts at the time when an evaluation was last due.
+    * ``run`` never changes. Its entries, each ``[runs, 1]``, are ``seed``, ``lam``, ``alpha``,
+      ``alpha_decay``, ``gamma``, ``kappa`` if the step size needs it, the amount of exploration
+      under its own name, such as ``epsilon``, and ``situations``, the number to learn from.
+    * ``state`` is replaced by every step. Its entries are ``world``, the environment's state;
+      ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the current
+      step size; ``situations`` and ``steps``, the numbers of those learned from so far;
+      ``diverged``, whether |Q| has become too large, after which the run counts no more steps;
+      ``over``, whether the run has ended; and ``snapshot``, the weights and counts at the time
+      when an evaluation was last due.
 
     Args:
         env: the world, with the runs as its batch.
@@ -40,12 +41,12 @@ class Learner:
         rule: the variant of Q(λ) and its trace.
         step_size: the rule for the step size.
         exploration: the name of the policy (:func:`fnnq_torchrl.agent.policy.make_policy`).
-        evaluate_every: situations from one evaluation to the next.
-        largest_value: a run with a larger |Q| than this has diverged; with infinity, one whose Q
-            isn't finite.
+        evaluate_every: the number of situations from one evaluation to the next.
+        largest_value: the |Q| above which a run has diverged. Infinity means that only a run
+            whose Q isn't finite has diverged.
 
     Raises:
-        ValueError: there is no such policy.
+        ValueError: if there is no such policy.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class Learner:
         largest_value: float,
     ) -> None:
         self.env = env
-        self.policy = make_policy(exploration, value_network, 0.0)  # every step sets the amount
+        self.policy = make_policy(exploration, value_network, 0.0)  # `step` sets the amount
         self.loss = PengQLambdaLoss(value_network, gamma=1.0)
         self.step_size = step_size
         self.evaluate_every = evaluate_every
@@ -68,11 +69,11 @@ class Learner:
         self.largest_value = min(largest_value, torch.finfo(value_network.candidates.dtype).max)
 
     def begin(self, run: TensorDictBase) -> TensorDict:
-        """Return the state before the first step: the network's start weights, and no trace."""
+        """Return the state before the first step: the network's start weights and a zero trace."""
         runs = run.batch_size
         start = self.loss.value_network.start(run["seed"])
         weights = {name: _copy(weight) for name, weight in start.items()}
-        zero = torch.zeros_like(run["seed"])  # cloned for each entry: none may be an alias
+        zero = torch.zeros_like(run["seed"])  # cloned, because entries must not share memory
         batch = {"batch_size": runs, "device": run.device}
         return TensorDict(
             {
@@ -97,11 +98,12 @@ class Learner:
         )
 
     def step(self, run: TensorDictBase, state: TensorDictBase) -> TensorDict:
-        """Take one step of every run in its world, and learn from it (paper, Table 1).
+        """Take one step in every run's world, learn from it and return the new state.
 
-        A run's snapshot is taken when the step ends a situation after which an evaluation is due.
-        The caller must collect it within ``fewest_steps · evaluate_every`` steps
-        (:class:`envs.core.world.WorldConfig`), before the next one replaces it.
+        It does the paper's Table 1. When a situation ends after which an evaluation is due, the
+        run's weights and counts are stored in ``snapshot``. The caller must read a snapshot before
+        the next one replaces it, which takes at least ``fewest_steps · evaluate_every`` steps
+        (:class:`envs.core.world.WorldConfig`).
         """
         amount, decay = run[self.policy.amount_name], run["gamma"] * run["lam"]
         transition = self.env.step(act(self.policy, state["weights"], amount, state["world"]))
@@ -142,13 +144,13 @@ class Learner:
         transition: TensorDictBase,
         weights: Weights,
     ) -> dict[str, Tensor | TensorDict]:
-        """Return the counts after a step, and the snapshot, replaced in runs where one is due."""
+        """Return the counts after a step, and the snapshot, replaced where an evaluation is due."""
         beyond = self._beyond(transition["action_value"])
         diverged = state["diverged"] | (beyond & ~state["over"])
         situations = state["situations"] + (transition["next", "done"] & ~diverged)
         steps = state["steps"] + ~diverged
         snapshot = state["snapshot"]
-        # As a number: a compiled loop loads booleans slowly, and every weight depends on it.
+        # Every weight is selected by `due`, a number because a compiled loop loads booleans slowly.
         now = situations == snapshot["situations"] + self.evaluate_every
         due = now.to(transition["action_value"].dtype)
         return {
@@ -166,18 +168,18 @@ class Learner:
         }
 
     def _beyond(self, action_value: Tensor) -> Tensor:
-        """Return whether some |Q| exceeds ``largest_value`` or isn't a number, ``[runs, 1]``."""
+        """Return whether any |Q| of a run exceeds ``largest_value`` or is NaN, ``[runs, 1]``."""
         return ~(action_value.abs().amax(-1, keepdim=True) <= self.largest_value)
 
     def _slope(
         self, weights: Weights, gamma: Tensor, transition: TensorDictBase
     ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
-        """Return ∇Q(s, a) of every run, by autograd through the loss, and its errors δ and δ′."""
+        """Return each run's ∇Q(s, a), by autograd through the loss, and its errors δ and δ′."""
 
         def chosen_value(weights: dict[str, Tensor]) -> tuple[Tensor, dict[str, Tensor]]:
             overrides = {f"value_network.{name}": weight for name, weight in weights.items()}
             losses = functional_call(self.loss, overrides | {"gamma": gamma}, (transition,))
-            # No run's Q depends on another's weights: the sum's gradient is each run's own.
+            # A run's Q depends on its own weights alone, so the sum has each run's own gradient.
             total = losses["chosen_action_value"].sum()
             return total, {key: losses[key] for key in ("td_error", "chosen_td_error")}
 
@@ -186,9 +188,9 @@ class Learner:
     def _error_slope(
         self, weights: Weights, gamma: Tensor, slope: Weights, after: TensorDictBase
     ) -> list[Tensor]:
-        """Return ∇δ′ = γ∇V(s′) − ∇Q(s, a), with ∇V = 0 at an end, tensors ``[*weights, runs]``.
+        """Return ∇δ′ = γ∇V(s′) − ∇Q(s, a), tensors ``[*weights, runs]``.
 
-        Where several actions are best, ∇V is the mean of their gradients.
+        ∇V is 0 if s′ ends the task, and the mean of the actions' gradients if several are best.
         """
         network = self.policy.value_network
 
@@ -207,13 +209,13 @@ def act(
     amount: Tensor,
     world: TensorDictBase,
 ) -> TensorDictBase:
-    """Return the world's TensorDict with the action that each run's own weights choose."""
+    """Return the world's TensorDict with the action that each run's weights choose."""
     overrides = {f"value_network.{name}": weight for name, weight in weights.items()}
     return functional_call(policy, overrides | {policy.amount_name: amount}, (world.copy(),))
 
 
 def _copy(weight: Tensor) -> Tensor:
-    """Return a copy with the runs last in memory."""
+    """Return a copy of the weights with the runs as the last dimension in memory."""
     return runs_first(runs_last(weight).contiguous().clone())
 
 

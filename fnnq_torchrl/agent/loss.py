@@ -1,4 +1,4 @@
-"""The loss of Q(λ) as a TorchRL LossModule."""
+"""The two errors of Q(λ) and the one-step loss, as a TorchRL LossModule."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,19 +18,20 @@ from fnnq_torchrl.equations.layout import over_batch, run_numbers
 class PengQLambdaLoss(LossModule):
     """The two errors of Peng's Q(λ), and the loss of one-step Q-learning.
 
-    ``loss`` is ½Σδ′² over the runs. It is a sum, so the gradient for a run's weights is that run's
-    own: −δ′∇Q(s, a). Plain SGD on it is Q(0); :class:`EligibilityTrace` makes it Q(λ).
+    ``loss`` is ½Σδ′² over the runs. Because it is a sum, a run's weights have the gradient
+    −δ′∇Q(s, a) of that run alone. Plain SGD on this loss is Q(0); with
+    :class:`fnnq_torchrl.agent.eligibility_trace.EligibilityTrace` it is Q(λ).
 
-    Reads the network's observations, ``action`` and ``action_value``, and in ``"next"`` the
-    observations, ``reward`` and ``terminated`` (the trace reads ``done``). ``action_value`` is
-    Q(s, ·) of the candidates from the weights before the update, as the policy wrote it and Table 1
-    wants it. ``set_keys`` renames all keys but the observations.
+    The module reads the network's observations, ``action`` and ``action_value``, and in ``"next"``
+    the observations, ``reward`` and ``terminated`` (the trace also reads ``done``).
+    ``action_value`` is the policy's Q(s, ·) of all candidates, from the weights before the update.
+    ``set_keys`` renames every key except the observations.
 
-    Returns a TensorDict of ``loss`` (a scalar), ``td_error`` δ, ``chosen_td_error`` δ′ and
+    It returns a TensorDict of ``loss`` (a scalar) and of ``td_error`` δ, ``chosen_td_error`` δ′ and
     ``chosen_action_value`` Q(s, a), each ``[runs, *batch, 1]``.
 
     Args:
-        value_network: any Q(s, a).
+        value_network: Q(s, a), any :class:`ValueNetwork`.
         gamma: the discount γ, one number or one per run, ``[runs, 1]``.
     """
 
@@ -56,7 +57,7 @@ class PengQLambdaLoss(LossModule):
         self.register_buffer("gamma", run_numbers("gamma", gamma, like=candidates))
 
     def named_parameters(self, *args: Any, **kwargs: Any) -> Iterator[tuple[str, nn.Parameter]]:
-        # torch.func.functional_call passes ``remove_duplicate``, which LossModule's doesn't take.
+        # functional_call passes ``remove_duplicate``, which LossModule's method doesn't take.
         return nn.Module.named_parameters(self, *args, **kwargs)
 
     def _forward_value_estimator_keys(self, **kwargs: Any) -> None:

@@ -1,4 +1,4 @@
-"""Policies that explore, as TensorDict modules."""
+"""Exploring policies as TensorDict modules."""
 
 from abc import ABC, abstractmethod
 
@@ -13,17 +13,17 @@ from fnnq_torchrl.equations.names import EXPLORATIONS
 
 
 class ExploringPolicy(TensorDictModuleBase, ABC):
-    """Chooses among the candidate actions by Q(s, ·), with each run's own random numbers.
+    """The base class of policies that choose an action by Q(s, ·) and a random number of the run.
 
-    Reads the network's observations and ``chance``, a uniform random number of each run, which
-    every state of a :class:`envs.core.pure.PureEnv` has. Writes ``action_value``
+    The policy reads the network's observations and ``chance``, a uniform random number that every
+    :class:`envs.core.pure.PureEnv` provides. It writes ``action_value``
     ``[runs, *batch, candidates]`` and ``action`` ``[runs, *batch, 1]``. It works with
     ``env.rollout`` and TorchRL's collectors.
 
     Args:
-        value_network: Q(s, a), and the candidates.
-        amount: the amount of exploration, one number or one per run, ``[runs, 1]``; kept in the
-            buffer named ``amount_name``.
+        value_network: Q(s, a) with the candidate actions.
+        amount: the amount of exploration, one number or one per run, ``[runs, 1]``; it is stored in
+            the buffer named ``amount_name``.
     """
 
     amount_name: str
@@ -38,7 +38,16 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
 
     @abstractmethod
     def choose(self, action_values: Tensor, amount: Tensor, u: Tensor) -> Tensor:
-        """Return the actions, ``[runs, *batch]``, from values ``[candidates, runs, *batch]``."""
+        """Choose an action in every state.
+
+        Args:
+            action_values: Q of the candidates, ``[candidates, runs, *batch]``.
+            amount: the amount of exploration, ``[runs, *batch]``.
+            u: uniform random numbers in [0, 1), ``[runs, *batch]``.
+
+        Returns:
+            The actions, ``[runs, *batch]``.
+        """
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         values = self.value_network.values_in(tensordict)
@@ -50,7 +59,7 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
 
 
 class EpsilonGreedyPolicy(ExploringPolicy):
-    """ε-greedy (:func:`fnnq_torchrl.equations.exploration.epsilon_greedy`).
+    """The ε-greedy policy (:func:`fnnq_torchrl.equations.exploration.epsilon_greedy`).
 
     Args:
         value_network: Q(s, a), and the candidates.
@@ -68,7 +77,7 @@ class EpsilonGreedyPolicy(ExploringPolicy):
 
 
 class BoltzmannPolicy(ExploringPolicy):
-    """Boltzmann's distribution (:func:`fnnq_torchrl.equations.exploration.boltzmann`).
+    """The Boltzmann (softmax) policy (:func:`fnnq_torchrl.equations.exploration.boltzmann`).
 
     Args:
         value_network: Q(s, a), and the candidates.
@@ -86,10 +95,10 @@ class BoltzmannPolicy(ExploringPolicy):
 
 
 class NoisyPolicy(ExploringPolicy):
-    """The best candidate plus noise (:func:`fnnq_torchrl.equations.exploration.noisy_greedy`).
+    """The best candidate plus normal noise (:func:`.exploration.noisy_greedy`).
 
     Args:
-        value_network: Q(s, a), and the candidates, rising.
+        value_network: Q(s, a), and the candidates, ascending.
         noise_std: σ of the noise, one number or one per run, ``[runs, 1]``.
     """
 
@@ -112,7 +121,7 @@ POLICIES: dict[str, type[ExploringPolicy]] = {
 
 
 def make_policy(name: str, value_network: ValueNetwork, amount: Tensor | float) -> ExploringPolicy:
-    """Return the policy of that name.
+    """Make the policy with the given name.
 
     Args:
         name: ``epsilon_greedy``, ``boltzmann`` or ``noise``.
@@ -120,7 +129,7 @@ def make_policy(name: str, value_network: ValueNetwork, amount: Tensor | float) 
         amount: the amount of exploration, one number or one per run, ``[runs, 1]``.
 
     Raises:
-        ValueError: there is no such policy.
+        ValueError: if there is no such policy.
     """
     if name not in POLICIES:
         raise ValueError(f"exploration={name!r}: must be one of {', '.join(POLICIES)}")

@@ -1,4 +1,4 @@
-"""The update of Q(λ), shared by the learning step and users' own loops. The runs come first."""
+"""The Q(λ) update, used by the learning step and :class:`EligibilityTrace`. Runs come first."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -12,14 +12,15 @@ from fnnq_torchrl.equations.layout import per_run, runs_first, runs_last
 from fnnq_torchrl.equations.q_lambda import Rule
 
 Weights = Mapping[str, Tensor]
-"""Tensors ``[runs, *weights]`` by the names of a network's parameters."""
+"""Tensors ``[runs, *weights]``, by the names of a network's parameters."""
 
 
 class Updated(NamedTuple):
-    """The direction of a step, and the trace after it.
+    """The direction of a step and the trace after the step.
 
     Attributes:
-        direction: Δw, to be multiplied by the step size α, by name ``[runs, *weights]``.
+        direction: Δw, which the caller multiplies by the step size α; by name, each
+            ``[runs, *weights]``.
         trace: e after the step, by name.
     """
 
@@ -28,10 +29,10 @@ class Updated(NamedTuple):
 
 
 class Update:
-    """Steps f to h of the paper's Table 1 for the weights of a network.
+    """The update of a network's weights and trace by a step (paper, Table 1).
 
     Args:
-        loss: defines the keys of transitions and losses, and the candidates.
+        loss: the loss module, which defines the keys of TensorDicts and the candidates.
         rule: the variant of Q(λ) and its trace.
     """
 
@@ -43,7 +44,7 @@ class Update:
         """Return the trace before the first step.
 
         Args:
-            weights: each ``[runs, *weights]``.
+            weights: the weights by name, each ``[runs, *weights]``.
         """
         return {
             name: runs_first(self.rule.trace.start(runs_last(w))) for name, w in weights.items()
@@ -57,13 +58,13 @@ class Update:
         trace: Weights,
         decay: Tensor,
     ) -> Updated:
-        """Return the direction of a step, and the trace after it.
+        """Return the direction of a step and the trace after the step.
 
         Args:
-            transition: a step of every run, ``[runs]``, with ``"next"``.
-            losses: the loss module's result for it, with δ and δ′, each ``[runs, 1]``.
-            gradient: ∇Q(s, a), each ``[runs, *weights]``.
-            trace: e before the step.
+            transition: one step of every run, ``[runs]``, with ``"next"``.
+            losses: the loss module's result for the transition, with δ and δ′, each ``[runs, 1]``.
+            gradient: ∇Q(s, a) by name, each ``[runs, *weights]``.
+            trace: e before the step, by name.
             decay: γλ, ``[runs, 1]`` or one number.
         """
         keys, done = self._keys, transition["next", self._keys.done]
@@ -85,10 +86,10 @@ class Update:
     def present_trace(
         self, transition: TensorDictBase, gradient: Weights, trace: Weights, decay: Tensor
     ) -> list[Tensor]:
-        """Return z, the trace with the present pair in it; arguments as in :meth:`update`.
+        """Return z, the trace including the present pair; arguments as in :meth:`update`.
 
         Returns:
-            For each tensor of weights, with the runs last, ``[*weights, runs]``.
+            z for each tensor of weights, with the runs last, ``[*weights, runs]``.
         """
         return self.rule.present_trace(
             _runs_last(trace, gradient),
@@ -98,13 +99,13 @@ class Update:
         )
 
     def largest_error(self, losses: Mapping[str, Tensor]) -> Tensor:
-        """Return the larger absolute value of the errors that the variant uses, ``[runs]``."""
+        """Return the largest absolute value of the errors that the variant uses, ``[runs]``."""
         keys = self._keys
         errors = per_run(losses[keys.td_error]), per_run(losses[keys.chosen_td_error])
         return self.rule.largest_error(*errors)
 
     def _greedy(self, transition: TensorDictBase) -> Tensor | None:
-        """Return 1 where the action was greedy, else 0, ``[runs]``; None if nothing is cut."""
+        """Return 1 where the action was greedy, else 0, ``[runs]``; None if never needed."""
         if not self.rule.variant.cuts:
             return None
         values = transition[self._keys.action_value].movedim(-1, 0)

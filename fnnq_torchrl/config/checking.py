@@ -1,4 +1,4 @@
-"""The check of composed values: a valid configuration, or an error of one line."""
+"""The check that composed values are a valid configuration; each error is one line."""
 
 import difflib
 import re
@@ -23,14 +23,14 @@ from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
 
 _OF_KINDS: dict[str, Mapping[str, type[Parameters]]] = {"env": WORLDS, "value": VALUES}
-"""The groups whose keys depend on their kind, with our schemas by kind."""
+"""The groups whose keys depend on the key ``kind``, with the built-in schemas by kind."""
 
 Kinds = Mapping[str, str]
-"""The chosen kinds by their groups, as far as they are known."""
+"""The chosen kind of each group whose kind is known."""
 
 
 def flat(settings: Mapping[str, Any], group: str = "") -> dict[str, Any]:
-    """Return nested settings by keys with groups, as in ``env.speed_mps``; lists are values."""
+    """Return nested mappings as one, with keys like ``env.speed_mps``; lists are kept as values."""
     keys: dict[str, Any] = {}
     for key, value in settings.items():
         if isinstance(value, Mapping):
@@ -41,12 +41,12 @@ def flat(settings: Mapping[str, Any], group: str = "") -> dict[str, Any]:
 
 
 class UnknownKey(ConfigError):
-    """A key that the configuration doesn't have.
+    """An error for a key that the configuration doesn't have, with advice in its message.
 
     Args:
         key: the key with its groups.
-        value: the value given, if it is known.
-        kinds: the chosen kinds, as far as they are known.
+        value: the value given, or None if it isn't known.
+        kinds: the chosen kind of each group whose kind is known.
     """
 
     def __init__(self, key: str, value: object, kinds: Kinds) -> None:
@@ -59,21 +59,21 @@ class UnknownKey(ConfigError):
 
 
 def to_config(node: DictConfig | dict[str, Any], *, own: bool = False) -> Config:
-    """Return the valid configuration of composed values.
+    """Check composed values and return them as a configuration.
 
     Args:
-        node: a mapping with all the keys, typed or plain, as a saved ``.hydra/config.yaml``.
-        own: whether kinds may be the user's own classes, which are then imported. Not for values
-            from elsewhere.
+        node: a mapping with all keys, such as a saved ``.hydra/config.yaml``.
+        own: whether a kind may name a user's class, which is then imported. False for values from
+            an untrusted source, which then can't call functions either.
 
     Raises:
-        ConfigError: a key is missing or unknown, or its value isn't allowed.
+        ConfigError: if a key is missing or unknown, or its value isn't allowed.
     """
-    # As a plain mapping, so that the schema refuses the unknown keys of `+key=value`.
+    # In a plain mapping, unknown keys added by `+key=value` are errors in the merge below.
     plain = cast(dict[str, Any], node if isinstance(node, dict) else OmegaConf.to_container(node))
     if not own:
         for key, value in flat(plain).items():
-            if re.search(r"\$\{.*:", str(value)):  # calls a function
+            if re.search(r"\$\{.*:", str(value)):  # an interpolation that calls a function
                 raise ConfigError(f"{key}={value}: must be a plain value")
     kinds = {group: kind for group in _OF_KINDS if (kind := _kind(plain, group, own)) is not None}
     try:
@@ -86,7 +86,7 @@ def to_config(node: DictConfig | dict[str, Any], *, own: bool = False) -> Config
 
 @cache
 def _schema(**kinds: str) -> DictConfig:
-    """Return the schema of configurations of these kinds; callers mustn't change it."""
+    """Return the schema of a configuration with these kinds; callers must not modify it."""
     schema = OmegaConf.structured(Config)
     for group, kind in kinds.items():
         schema[group] = OmegaConf.structured(schema_of(group, kind, _OF_KINDS[group]))
@@ -94,10 +94,10 @@ def _schema(**kinds: str) -> DictConfig:
 
 
 def _kind(plain: dict[str, Any], group: str, own: bool) -> str | None:
-    """Return the kind of a group in composed values, or None if they have none.
+    """Return the kind of a group in composed values, or None if the group is missing.
 
     Raises:
-        OutOfRange: there is no such kind, or it isn't allowed.
+        OutOfRange: if there is no such kind, or it isn't allowed.
     """
     values, known = plain.get(group, "???"), _OF_KINDS[group]
     if values == "???":
@@ -106,7 +106,7 @@ def _kind(plain: dict[str, Any], group: str, own: bool) -> str | None:
         raise OutOfRange(group, values, allowed(Config)[group])
     kind = values.get("kind", "???")
     if is_own(kind) and not own:
-        raise OutOfRange(f"{group}.kind", kind, f"{' or '.join(known)} in values from elsewhere")
+        raise OutOfRange(f"{group}.kind", kind, f"{' or '.join(known)} in untrusted values")
     if not isinstance(kind, str) or (kind not in known and not is_own(kind)):
         raise OutOfRange(f"{group}.kind", kind, kinds_in_words(known))
     return kind
@@ -115,17 +115,17 @@ def _kind(plain: dict[str, Any], group: str, own: bool) -> str | None:
 def refusal(
     error: OmegaConfBaseException, given: object, kinds: Kinds | None = None
 ) -> ConfigError:
-    """Return an error of one line that says what is allowed, for one of OmegaConf's.
+    """Return a ConfigError with a one-line message for an error of OmegaConf.
 
     Args:
-        error: OmegaConf's, which has several lines and doesn't say what is allowed.
-        given: the user's value of the key, since not every error has it.
-        kinds: the chosen kinds, as far as they are known.
+        error: OmegaConf's error, with several lines that don't say which values are allowed.
+        given: the user's value of the key, which some of OmegaConf's errors lack.
+        kinds: the chosen kind of each group whose kind is known.
     """
     key, ranges = error.full_key or "", ranges_of(kinds)
     if isinstance(error, ConfigKeyError | ConfigAttributeError):
         return UnknownKey(key, given, kinds or _kind_beside(error))
-    # The range of an entry is that of its list or mapping.
+    # The entries of a list or mapping have the range that is declared for it.
     words = ranges.get(key) or ranges.get(key.partition("[")[0]) or ranges.get(_group(key))
     if below := [_name(each) for each in ranges if each.startswith(f"{key}.")]:
         words = words or f"a mapping of {', '.join(below)}"
@@ -138,7 +138,7 @@ def refusal(
 
 
 def _kind_beside(error: OmegaConfBaseException) -> Kinds:
-    """Return the kind of the group in which a key is unknown, if it is one of ours."""
+    """Return the kind of the group in which a key is unknown, if the kind is built in."""
     group = _group(error.full_key or "")
     if group not in _OF_KINDS or not isinstance(error.parent_node, DictConfig):
         return {}
@@ -147,10 +147,10 @@ def _kind_beside(error: OmegaConfBaseException) -> Kinds:
 
 
 def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
-    """Return the range of each key, in words that complete "must be".
+    """Return the range of each key in words that can follow "must be".
 
     Args:
-        kinds: the chosen kinds; a group without one has the keys of all its kinds.
+        kinds: the chosen kinds. For a group without a chosen kind, the keys of all kinds count.
     """
     ranges = allowed(Config)
     for group, known in _OF_KINDS.items():
@@ -162,7 +162,7 @@ def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
 
 
 def _advice(unknown: str, kinds: Kinds) -> str:
-    """Say who has such a key: another kind, another group, or this one in another spelling."""
+    """Return advice on an unknown key: the kind that has it, a similar key, or all keys."""
     group, _, name = unknown.partition(".")
     schemas, missing = _OF_KINDS.get(group, {}), f"there is no {unknown}"
     if owners := [kind for kind in schemas if unknown in allowed(schemas[kind], f"{group}.")]:

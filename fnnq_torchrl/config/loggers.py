@@ -7,37 +7,37 @@ from envs.core.parameters import Parameters, matching, number, one_of, texts
 
 @dataclass
 class WandbConfig(Parameters):
-    """Weights & Biases (`fnnq_torchrl.training.loggers.wandb`)."""
+    """The settings of Weights & Biases (`fnnq_torchrl.training.loggers.wandb`)."""
 
     per: str = one_of("job", "run", "sweep")
     mode: str = one_of("auto", "online", "offline")
-    project: str = matching(r"[^/\\#?%:]{1,128}", r"1 to 128 letters other than / \ # ? % :")
+    project: str = matching(r"[^/\\#?%:]{1,128}", r"1 to 128 characters other than / \ # ? % :")
     entity: str = matching(r"[^/\s]*", "the name of a team or a user")
-    group: str = matching(r".{0,128}", "at most 128 letters")
-    job_type: str = matching(r".{1,64}", "1 to 64 letters")
+    group: str = matching(r".{0,128}", "at most 128 characters")
+    job_type: str = matching(r".{1,64}", "1 to 64 characters")
     tags: list[str] = texts(most=64)
     timeout_s: float = number(above=0)
 
 
 @dataclass
 class TensorboardConfig(Parameters):
-    """TensorBoard (`fnnq_torchrl.training.loggers.tensorboard`)."""
+    """The settings of TensorBoard (`fnnq_torchrl.training.loggers.tensorboard`)."""
 
     directory: str = matching(r"(?!\.)[\w.-]+", "a name of letters, digits, _, - and dots")
 
 
 @dataclass
 class MlflowConfig(Parameters):
-    """MLflow (`fnnq_torchrl.training.loggers.mlflow`)."""
+    """The settings of MLflow (`fnnq_torchrl.training.loggers.mlflow`)."""
 
     tracking_uri: str = matching(r"([\w+]+:\S+)?", "a URI, as https://host or sqlite:///path")
-    experiment: str = matching(r".{1,250}", "1 to 250 letters")
+    experiment: str = matching(r".{1,250}", "1 to 250 characters")
     timeout_s: float = number(above=0)
 
 
 @dataclass
 class LoggerConfig(Parameters):
-    """The chosen loggers; None for one that isn't chosen."""
+    """The settings of the chosen loggers; None for a logger that isn't chosen."""
 
     wandb: WandbConfig | None = None
     tensorboard: TensorboardConfig | None = None

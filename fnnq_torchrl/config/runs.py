@@ -1,4 +1,4 @@
-"""The per-run columns of a batch."""
+"""The values that differ from run to run within a batch, as columns."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -13,20 +13,20 @@ from fnnq_torchrl.config.schema import PER_RUN, Config
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """A column for each key of `PER_RUN`, with one number per run.
+    """A table with a column for each key of `PER_RUN` and a row for each run.
 
     Attributes:
-        columns: by key, each ``[runs]``; ``seed`` is int64, the others are float64.
+        columns: the columns by key, each ``[runs]``; ``seed`` is int64, the others are float64.
     """
 
     columns: dict[str, NDArray[Any]]
 
     @classmethod
     def of(cls, configs: Sequence[Config]) -> Self:
-        """Return the runs of one or more jobs, one job's after the other's.
+        """Return the runs of one or more jobs, in the order of the jobs.
 
         Args:
-            configs: at least one; the runs of each have the seeds ``seed … seed + num_seeds − 1``.
+            configs: the jobs; a job's runs have the seeds ``seed … seed + num_seeds − 1``.
         """
         columns: dict[str, NDArray[Any]] = {
             "seed": np.concatenate(
@@ -41,14 +41,14 @@ class Runs:
 
     @property
     def bits(self) -> NDArray[np.int64]:
-        """The bits of the runs' numbers, ``[runs, columns]``, which identify a run."""
+        """All numbers as int64 bit patterns, ``[runs, columns]``; a row identifies a run."""
         return np.stack([column.view(np.int64) for column in self.columns.values()], axis=-1)
 
     def rows_among(self, bits: NDArray[np.int64]) -> NDArray[np.int64] | None:
-        """Return a different row for each run among others; None if one is missing.
+        """Find each run in another table; return row numbers, or None if a run is missing.
 
         Args:
-            bits: those of the others, as in :attr:`bits`.
+            bits: :attr:`bits` of the other table. Each of its rows is used at most once.
         """
         places: dict[tuple[int, ...], list[int]] = defaultdict(list)
         for place, row in enumerate(bits.tolist()):

@@ -1,7 +1,7 @@
 """The configuration of a job: a typed and range-checked schema without values.
 
-``conf/`` holds every value, with its unit and its source. Nothing here imports torch or Hydra, so
-a mistake is reported before anything heavy is loaded.
+``conf/`` holds every value, with its unit and its source. This module imports neither torch nor
+Hydra, so that errors are reported before these are loaded.
 """
 
 from collections.abc import Iterator
@@ -57,7 +57,7 @@ PER_RUN = (
 
 @dataclass
 class ActionConfig(Parameters):
-    """The candidate actions: a number of them in a range, or all of a fixed set."""
+    """The number of candidate actions in a range; null for all actions of a fixed set."""
 
     candidates: Any = or_null(whole(2))
 
@@ -72,14 +72,14 @@ class MachineConfig(Parameters):
 
 @dataclass
 class EvaluationConfig(Parameters):
-    """The interval of the tests, and their starts: fixed ones, or a number of random ones."""
+    """The interval of the tests, and their starts: fixed starts, or the number of random starts."""
 
     every: int = whole(1)
     situations: Any = whole_or_rows(1, "start")
 
     @property
     def fixed(self) -> list[list[float]] | None:
-        """The fixed starts; None if they are random."""
+        """The fixed starts, or None if all starts are random."""
         return self.situations if isinstance(self.situations, list) else None
 
     @property
@@ -91,7 +91,7 @@ class EvaluationConfig(Parameters):
 
 @dataclass
 class CheckpointConfig(Parameters):
-    """The saving of unfinished trainings, and of the weights at all evaluations."""
+    """When to save unfinished trainings, and whether to save the weights of all evaluations."""
 
     every_s: float = number(above=0)
     snapshots: bool = flag()
@@ -99,7 +99,7 @@ class CheckpointConfig(Parameters):
 
 @dataclass(kw_only=True)
 class Config(Parameters):
-    """One job: a batch of runs that learn side by side. Its values are checked when it is made."""
+    """The configuration of one job: a batch of runs. The constructor checks all values."""
 
     lam: float = number(0, 1)
     seed: int = whole(0)
@@ -127,7 +127,7 @@ class Config(Parameters):
     evaluation: EvaluationConfig
     machine: MachineConfig
     checkpoint: CheckpointConfig
-    logger: LoggerConfig = field(default_factory=LoggerConfig)  # result files only
+    logger: LoggerConfig = field(default_factory=LoggerConfig)  # no logger chosen
 
     def __post_init__(self) -> None:
         if isinstance(self.value, ValueConfig) and isinstance(self.env, WorldConfig):
@@ -136,45 +136,45 @@ class Config(Parameters):
 
     @property
     def largest_value(self) -> float:
-        """The |Q| beyond which a run has diverged; infinity if the world states no returns."""
+        """The largest |Q| of a run that hasn't diverged; infinity if ``env.returns`` is None."""
         returns = self.env.returns
         return inf if returns is None else self.diverged_beyond * max(map(abs, returns))
 
     @property
     def best_score(self) -> int | None:
-        """The highest score of a test, if it counts successes; else None."""
+        """The highest possible score of a test that counts successes; None for other measures."""
         return self.evaluation.tests if self.env.tested.measure == "successes" else None
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """Yield the values that are allowed alone but not together."""
+        """Yield an error for each value that conflicts with another."""
         if self.step_size == "constant" and self.alpha_decay != 1:
-            yield OutOfRange("alpha_decay", self.alpha_decay, "1 where step_size=constant")
+            yield OutOfRange("alpha_decay", self.alpha_decay, "1 with step_size=constant")
         every = self.evaluation.every
         if self.situations % every:
             multiple = f"a whole multiple of evaluation.every={every}"
             yield OutOfRange("situations", self.situations, multiple)
         if self.seed + self.num_seeds > 2**63:
-            highest = f"at most {2**63 - self.num_seeds}, for the last seed to fit 63 bits"
+            highest = f"at most {2**63 - self.num_seeds}, so that the last seed fits in 63 bits"
             yield OutOfRange("seed", self.seed, highest)
         for misfit in self.value.misfits(self.env):
             yield OutOfRange(f"value.{misfit.key}", misfit.value, misfit.allowed)
         yield from self._misfits_of_the_world()
 
     def _misfits_of_the_world(self) -> Iterator[OutOfRange]:
-        """Yield actions and starts that the world doesn't offer."""
+        """Yield an error for each action setting or start that the world doesn't have."""
         candidates, actions = self.action.candidates, self.env.actions
         if isinstance(actions, int) and candidates is not None:
             allowed = f"null, for all {actions} actions of {self.env.kind}"
             yield OutOfRange("action.candidates", candidates, allowed)
         if not isinstance(actions, int) and candidates is None:
-            allowed = f"a number, of a range of actions as {self.env.kind} has"
+            allowed = f"a number: {self.env.kind} has a range of actions"
             yield OutOfRange("action.candidates", candidates, allowed)
         if isinstance(actions, int) and self.exploration == "noise":
             allowed = f"epsilon_greedy or boltzmann: {self.env.kind} has a fixed set of actions"
             yield OutOfRange("exploration", self.exploration, allowed)
         fixed, values = self.evaluation.fixed, self.env.start_values
         if fixed is not None and any(len(start) != len(values) for start in fixed):
-            allowed = f"a list of starts [{', '.join(values)}], or a whole number of random ones"
+            allowed = f"a list of starts [{', '.join(values)}], or a whole number of random starts"
             if not values:
-                allowed = f"a whole number of random starts: {self.env.kind} has no fixed ones"
+                allowed = f"the number of random starts: {self.env.kind} has no fixed starts"
             yield OutOfRange("evaluation.situations", self.evaluation.situations, allowed)

@@ -1,4 +1,4 @@
-"""The schemas of ``conf/value/``: the keys of every value function. No torch here.
+"""The schemas of ``conf/value/``: the keys of every value function, without torch.
 
 ``fnnq_torchrl.agent.values`` has the networks. A user's own value function, whose kind is
 ``module:Class``, has its schema in its class.
@@ -42,33 +42,33 @@ ACTIVATIONS = ("tanh", "relu", "leaky_relu")
 
 @dataclass
 class ValueConfig(Parameters):
-    """The base of all value functions' keys: the kind, and checks of the inputs."""
+    """The base class of the value functions' schemas, with checks of ``inputs``."""
 
     kind: str = matching(*KIND)
 
     of_each_input: ClassVar[str] = "an entry"
-    """The noun for an entry of ``inputs``, with its article, for messages."""
+    """The noun with which messages name an entry of ``inputs``."""
 
     def in_world(self, world: WorldConfig) -> Self:
-        """Return a copy in which the world has filled in the keys that are null."""
+        """Return a copy with the world's values for the keys that are null."""
         return self
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
-        """Yield inputs that the world doesn't have, and an empty set of inputs."""
+        """Yield an error if there are no inputs, and for each input that the world doesn't have."""
         inputs, names = getattr(self, "inputs", None), ", ".join(world.observations)
         if inputs is not None and not inputs:
             yield OutOfRange("inputs", inputs, f"{self.of_each_input} for at least one of: {names}")
         for name in inputs or ():
             if name not in world.observations and isinstance(inputs, dict):
                 given = inputs[name]
-                yield OutOfRange(f"inputs.{name}", given, f"under the name of one of: {names}")
+                yield OutOfRange(f"inputs.{name}", given, f"named after an observation: {names}")
             elif name not in world.observations:
                 yield OutOfRange("inputs", inputs, f"a list of at least one of: {names}")
 
 
 @dataclass
 class LabelsConfig(ValueConfig):
-    """Gaussian labels [centre, width] of every input and of the action, in every combination."""
+    """The Gaussian labels [centre, width] of every input and of the action."""
 
     inputs: dict[str, list[Any]] = pairs("centre", "width", above=0)
     action: list[Any] = pairs("centre", "width", above=0)
@@ -96,7 +96,7 @@ class LabelsConfig(ValueConfig):
 
 @dataclass
 class TilesConfig(ValueConfig):
-    """Grids of tiles over the ranges [low, high] of every input and of the action."""
+    """The grids of tiles over the ranges [low, high] of every input and of the action."""
 
     inputs: Any = or_null(rising_pair("low", "high"))
     action: Any = or_null(rising_pair("low", "high"))
@@ -113,7 +113,7 @@ class TilesConfig(ValueConfig):
         return replace(self, inputs=self.inputs or spans, action=self.action or last)
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
-        """Yield unknown inputs, and ranges without an end."""
+        """Yield an error for each unknown input and for each infinite range."""
         yield from super().misfits(world)
         for name, span in (self.inputs or {}).items():
             if not all(map(isfinite, span)):
@@ -122,7 +122,7 @@ class TilesConfig(ValueConfig):
 
 @dataclass
 class MLPConfig(ValueConfig):
-    """A multilayer perceptron of the inputs and the action."""
+    """The multilayer perceptron from the inputs and the action to Q."""
 
     inputs: Any = or_null(texts(most=64))
     widths: list[int] = wholes(1)
@@ -133,7 +133,7 @@ class MLPConfig(ValueConfig):
     of_each_input: ClassVar = "the names"
 
     def in_world(self, world: WorldConfig) -> Self:
-        """Return a copy with all of the world's observations as inputs if they are null."""
+        """Return a copy whose inputs, if null, are all observations of the world."""
         return self if self.inputs is not None else replace(self, inputs=[*world.observations])
 
 
@@ -144,4 +144,4 @@ SCHEMAS: dict[str, type[ValueConfig]] = {
     "table": LabelsConfig,
     "tiles": TilesConfig,
 }
-"""The schemas of the value functions, by their names in ``conf/value/``."""
+"""The schemas of the value functions by kind."""

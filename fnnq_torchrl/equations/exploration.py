@@ -1,6 +1,6 @@
-"""The choice among candidate actions. Candidates are the first dimension, runs the last.
+"""Rules for choosing among candidate actions. Candidates are the first dimension, runs the last.
 
-Every choice takes one uniform random number.
+Every choice uses one uniform random number.
 """
 
 import math
@@ -10,10 +10,10 @@ from torch import Tensor
 
 
 def epsilon_greedy(action_values: Tensor, epsilon: Tensor, u: Tensor) -> Tensor:
-    """A random candidate with probability ε, else the best one, with ties broken evenly at random.
+    """Choose a random candidate with probability ε, else the best; ties are broken at random.
 
-    One uniform number decides: below ε, its place in [0, ε) picks among all candidates; above, its
-    place in [ε, 1) picks among the best.
+    If u is below ε, its position in [0, ε) picks among all candidates. Otherwise its position in
+    [ε, 1) picks among the best candidates. Each is equally likely.
 
     Args:
         action_values: ``[candidates, *runs]``.
@@ -25,16 +25,16 @@ def epsilon_greedy(action_values: Tensor, epsilon: Tensor, u: Tensor) -> Tensor:
     """
     explore = u < epsilon
     best = action_values == action_values.amax(0)
-    # Small whole numbers, kept as floats, which loops over many runs load fastest.
-    rank = best.to(u.dtype).cumsum(0)  # numbers the best ones 1, 2, …
+    # The ranks are whole numbers, but loops over many runs load floats faster than integers.
+    rank = best.to(u.dtype).cumsum(0)  # numbers the best candidates 1, 2, …
     among = torch.where(explore, len(action_values), rank[-1])
     share = torch.where(explore, u, u - epsilon) / torch.where(explore, epsilon, 1 - epsilon)
-    pick = torch.minimum((share * among).floor(), among - 1)  # rounding may make the share a whole
+    pick = torch.minimum((share * among).floor(), among - 1)  # rounding may give `among`
     return torch.where(explore, pick, (rank <= pick).to(u.dtype).sum(0)).int()
 
 
 def boltzmann(action_values: Tensor, temperature: Tensor, u: Tensor) -> Tensor:
-    """A candidate with probability exp(Q/T)/Σexp(Q/T), by the inverse of their cumulative sum.
+    """Choose a candidate with probability exp(Q/T)/Σexp(Q/T), by inverting the cumulative sum.
 
     Args:
         action_values: Q, ``[candidates, *runs]``.
@@ -47,25 +47,25 @@ def boltzmann(action_values: Tensor, temperature: Tensor, u: Tensor) -> Tensor:
     strength = torch.exp((action_values - action_values.amax(0)) / temperature)
     below = strength.cumsum(0)
     total = below[-1]
-    # If u·total is rounded up to the total, the choice is the last candidate that adds to the sum.
+    # If rounding makes u·total the total, choose the last candidate with a probability above 0.
     passed = (below <= u * total) & (below < total)
     return passed.to(u.dtype).sum(0).int()
 
 
 def noisy_greedy(action_values: Tensor, candidates: Tensor, noise_std: Tensor, u: Tensor) -> Tensor:
-    """The best candidate plus normal noise, kept within the candidates' range.
+    """Return the best candidate plus normal noise, clipped to the candidates' range.
 
-    The uniform number first breaks ties. Its place within the share of the picked candidate is
-    uniform again, and makes the noise.
+    u first breaks ties: each of n best candidates has a share 1/n of [0, 1). The position of u
+    within the chosen share is uniform again and gives the noise.
 
     Args:
         action_values: ``[candidates, *runs]``.
-        candidates: the actions, rising, ``[candidates]``.
+        candidates: the actions, ascending, ``[candidates]``.
         noise_std: σ of the noise, ``[*runs]``.
         u: uniform in [0, 1), ``[*runs]``.
 
     Returns:
-        The action itself, ``[*runs]``; it need not be a candidate.
+        The action, ``[*runs]``, which need not be a candidate.
     """
     best = action_values == action_values.amax(0)
     ties = u * best.to(u.dtype).sum(0)
@@ -76,10 +76,10 @@ def noisy_greedy(action_values: Tensor, candidates: Tensor, noise_std: Tensor, u
 
 
 def normal_quantile(u: Tensor) -> Tensor:
-    """The standard normal's quantile Φ⁻¹(u), within 10⁻⁴; u is clamped to [10⁻⁶, 1 − 10⁻⁶].
+    """Return the standard normal quantile Φ⁻¹(u), within 10⁻⁴; u is clamped to [10⁻⁶, 1 − 10⁻⁶].
 
-    From elementary functions: S. Winitzki's inverse of erf ("A handy approximation for the error
-    function and its inverse", 2008), then one step of Newton's method on erf itself.
+    It consists of elementary functions: S. Winitzki's inverse of erf ("A handy approximation for
+    the error function and its inverse", 2008), then one step of Newton's method on erf itself.
 
     Args:
         u: in [0, 1], any shape.

@@ -8,12 +8,12 @@ from torch import Tensor
 
 
 def log_membership(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-    """Log μ(x) = −(x − c)²/(2σ²), for every label of one input.
+    """Return log μ(x) = −(x − c)²/(2σ²) for every label of one input.
 
     Args:
         x: the input, ``[..., runs]``.
         centres: c, ``[labels]``.
-        inverse_widths: 1/σ, ``[labels]``; a product is faster than a quotient.
+        inverse_widths: 1/σ, ``[labels]``; multiplying is faster than dividing.
 
     Returns:
         ``[labels, ..., runs]``.
@@ -23,25 +23,25 @@ def log_membership(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor
 
 
 def firing_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-    """One input's share in the rules' normalised firing strengths: μᵢ(x) / Σμ(x).
+    """Return the normalised membership of one input in its labels, μᵢ(x) / Σμ(x).
 
-    With every label of every input combined by the product t-norm, the strengths' sum factors, and
-    so do the normalised strengths: σᵢ/Σσ = Πⱼ μᵢⱼ(xⱼ)/Σμ(xⱼ) (paper, eq. 7, 8). Computed as a
-    softmax of the logarithms: far from every centre the nearest label has it all, instead of 0/0.
+    The rules combine every label of every input by the product t-norm. So the normalised firing
+    strength of a rule is the product of its labels' shares: σᵢ/Σσ = Πⱼ μᵢⱼ(xⱼ)/Σμ(xⱼ) (paper,
+    eq. 7, 8). The softmax of log μ avoids 0/0 far from every centre; the nearest label gets 1.
 
-    Args and result: as :func:`log_membership`; the labels' shares sum to one.
+    Args and result: as :func:`log_membership`; the shares of all labels sum to 1.
     """
     # Not torch.softmax: along the first dimension it splits even the smallest batch among threads,
-    # which is slow, and it splits within vectors, so the last bit depends on the threads' number.
+    # which is slow. It also splits within vectors, so the last bit depends on the thread count.
     strength = log_membership(x, centres, inverse_widths)
     strength = torch.exp(strength - strength.amax(0))
     return strength * strength.sum(0).reciprocal()
 
 
 def crisp_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-    """1 for the label of the highest membership, 0 for the others; on a border, half to either.
+    """Return 1 for the label with the highest membership and 0 for the others; ties share the 1.
 
-    Args and result: as :func:`log_membership`; the labels' shares sum to one.
+    Args and result: as :func:`log_membership`; the shares of all labels sum to 1.
     """
     strength = log_membership(x, centres, inverse_widths)
     highest = (strength == strength.amax(0)).to(x.dtype)
@@ -49,16 +49,17 @@ def crisp_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
 
 
 def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tensor) -> Tensor:
-    """Q(s, a) = Σᵢ wᵢσᵢ / Σσ, the weighted average of the consequents (paper, eq. 8).
+    """Return Q(s, a) = Σᵢ wᵢσᵢ / Σσ, the weighted average of the consequents (paper, eq. 8).
 
-    The sum runs over the labels of one input after another. With few labels that is far less work
-    than a sum over all rules, and its order doesn't depend on the batch.
+    Summing over the labels of one input after another is far less work than one sum over all
+    rules, and makes the order of the sums independent of the batch.
 
     Args:
         consequents: w, ``[labels of input 1, …, labels of input n, action labels, *bases, runs]``;
             ``bases`` is ``()`` for a single rule base.
-        shares: of each state input, its labels' shares ``[labels, *batch, *bases, runs]``.
-        action_shares: ``[action labels, actions, *batch or 1s, *bases, runs or 1]``.
+        shares: for each state input, the shares of its labels, ``[labels, *batch, *bases, runs]``.
+        action_shares: the shares of the action labels,
+            ``[action labels, actions, *batch or 1s, *bases, runs or 1]``.
 
     Returns:
         Q of every action, ``[actions, *batch, *bases, runs]``.
@@ -73,5 +74,5 @@ def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tens
 
 
 def rule_width(width: float, reading: str) -> float:
-    """σ from the paper's second number, read as the ``sigma`` itself or as a ``variance`` σ²."""
+    """Return σ from a label's second number, which is σ (``sigma``) or σ² (``variance``)."""
     return math.sqrt(width) if reading == "variance" else width

@@ -1,6 +1,6 @@
-"""The names of the variants, traces, step sizes and explorations. No torch here.
+"""The names of the variants, traces, step sizes and explorations, without torch.
 
-The registries have an entry for each: :data:`.q_lambda.VARIANTS`, :data:`.traces.TRACES`,
+Each name has an entry in a registry: :data:`.q_lambda.VARIANTS`, :data:`.traces.TRACES`,
 :data:`.step_size.STEP_SIZES` and, with the policies, :data:`fnnq_torchrl.agent.policy.POLICIES`.
 """
 
@@ -8,10 +8,10 @@ VARIANTS = ("peng", "watkins", "naive")
 """The variants of Q(λ)."""
 
 TRACES = ("output", "gradient", "replacing", "window")
-"""The kinds of trace; the first two are the readings of step h in the paper's Table 1."""
+"""The kinds of trace; the first two are two readings of step h in the paper's Table 1."""
 
 STEP_SIZES = ("decay", "constant", "obgd", "alpha_bound")
-"""The rules for the size of a step."""
+"""The rules for the step size."""
 
 EXPLORATIONS = {"epsilon_greedy": "epsilon", "boltzmann": "temperature", "noise": "noise_std"}
-"""The ways to explore, each with the key of its amount."""
+"""The names of the ways to explore, each with the configuration key of its amount."""

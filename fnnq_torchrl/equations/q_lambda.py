@@ -1,8 +1,8 @@
 """One step of Q(λ) (paper, Table 1 and eq. 4, 5). The runs are the last dimension.
 
 Source: J. Peng, R. J. Williams, "Incremental multi-step Q-learning", Machine Learning 22, 1996.
-Two misprints of the paper are mended: its Table 1 f has Q̂ ← Q̂ + α·Tr for Peng and Williams'
-Q̂ ← Q̂ + α·Tr·δ, and its V̂(s) is arg max Q̂ for max Q̂.
+Two misprints of the paper are corrected. Table 1 f has Q̂ ← Q̂ + α·Tr; Peng and Williams have
+Q̂ ← Q̂ + α·Tr·δ. V̂(s) is printed as arg max Q̂; it is max Q̂.
 """
 
 from collections.abc import Sequence
@@ -25,26 +25,26 @@ def td_errors(
     """Return δ = r + γV(s′) − V(s) and δ′ = r + γV(s′) − Q(s, a) (paper, eq. 4, 5).
 
     Args:
-        reward: r, any shape; the others have the same or broadcast to it.
-        terminated: bool; where s′ is an end, V(s′) counts as 0.
+        reward: r, any shape; the other tensors have this shape or broadcast to it.
+        terminated: whether s′ ends the task (bool); V(s′) is then taken as 0.
         value: V(s) = max Q(s, ·).
         chosen_value: Q(s, a).
         next_value: V(s′) = max Q(s′, ·).
         gamma: γ, the discount.
 
     Returns:
-        δ and δ′, both from the weights before the update.
+        δ and δ′, shaped as ``reward``.
     """
     target = reward + gamma * next_value.masked_fill(terminated, 0)
     return target - value, target - chosen_value
 
 
 class Variant(NamedTuple):
-    """A variant of Q(λ).
+    """A variant of Q(λ): the error of earlier state-action pairs, and whether the trace is cut.
 
     Attributes:
-        past_gets_td_error: whether the earlier pairs of state and action get δ; else they get δ′,
-            as the present pair does.
+        past_gets_td_error: whether earlier pairs are updated with δ; else with δ′, the error of
+            the present pair.
         cuts: whether the trace is cut before an action that isn't greedy.
     """
 
@@ -59,17 +59,18 @@ VARIANTS = {
 }
 """The variants by their names.
 
-* ``peng``, the paper's: the earlier pairs get δ = r + γV(s′) − V(s), the present one δ′ = r +
-  γV(s′) − Q(s, a). The trace is never cut.
-* ``watkins``: all pairs get δ′, and the trace is cut before an action that isn't greedy
-  (C. J. C. H. Watkins, "Learning from delayed rewards", 1989; R. S. Sutton, A. G. Barto,
+* ``peng``, the paper's: earlier pairs are updated with δ = r + γV(s′) − V(s), the present pair with
+  δ′ = r + γV(s′) − Q(s, a). The trace is never cut.
+* ``watkins``: all pairs are updated with δ′, and the trace is cut before an action that isn't
+  greedy (C. J. C. H. Watkins, "Learning from delayed rewards", 1989; R. S. Sutton, A. G. Barto,
   "Reinforcement learning", 1998, fig. 7.14).
 * ``naive``: Watkins' without the cut (Sutton & Barto, 1998, section 7.6).
 
-All keep the order of Table 1: e ← γλe; then the earlier pairs change along e and the present one
-along ∇Q(s, a), from the weights before the step; then step h. Sutton & Barto put the present pair
-into e first, and then change along Δw = δ′e. That is the same Δw except with the trace ``output``:
-here the present pair still gets δ′∇Q(s, a), so that with λ = 0 every variant is Q-learning.
+All variants follow the order of Table 1. First e ← γλe. Then the weights change along e for the
+earlier pairs and along ∇Q(s, a) for the present pair; both errors are from the weights before the
+step. Step h then adds the present pair to e. Sutton & Barto add that pair first, then change the
+weights along Δw = δ′e. Both orders give the same Δw, except with the trace ``output``: there the
+present pair still contributes δ′∇Q(s, a), so that with λ = 0 every variant is Q-learning.
 """
 
 
@@ -82,7 +83,7 @@ class Rule:
         window: the number of steps that ``trace="window"`` keeps.
 
     Raises:
-        ValueError: there is no such variant or trace, or the window is missing or below 1.
+        ValueError: if there is no such variant or trace, or a needed window is missing or below 1.
     """
 
     def __init__(
@@ -109,11 +110,12 @@ class Rule:
 
         Args:
             traces: e of each tensor, in the shape that the trace's ``start`` gives it.
-            gradients: ∇Q(s, a) of each, ``[*weights, runs]``.
+            gradients: ∇Q(s, a) for each tensor, ``[*weights, runs]``.
             td_error, chosen_td_error: δ and δ′, ``[runs]``.
             decay: γλ, ``[runs]``.
-            greedy: 1 where the action was greedy, else 0, ``[runs]``, for a variant that cuts.
-            goes_on: 1, or 0 where the episode has ended, also by truncation, ``[runs]``.
+            greedy: 1 where the action was greedy, else 0, ``[runs]``; None if the trace is never
+                cut.
+            goes_on: 0 where the episode has ended, also by truncation, else 1, ``[runs]``.
         """
         past_error = td_error if self.variant.past_gets_td_error else chosen_td_error
         at_once = not self.variant.past_gets_td_error
@@ -127,21 +129,21 @@ class Rule:
         decay: Tensor,
         greedy: Tensor | None,
     ) -> list[Tensor]:
-        """Return z, the trace with the present pair in it, which is Δw for two errors of 1.
+        """Return z, the trace including the present pair. It equals Δw if both errors are 1.
 
-            z = γλe + ∇Q(s, a),  or as the kind of trace combines them
+            z = γλe + ∇Q(s, a),  or another combination that the kind of trace defines
 
         Args:
             traces, gradients, decay, greedy: as in :meth:`update`.
 
         Returns:
-            z of each tensor of weights, ``[*weights, runs]``.
+            z for each tensor of weights, ``[*weights, runs]``.
         """
         one = torch.ones_like(decay)
         return [z for z, _ in self.update(traces, gradients, one, one, decay, greedy, one)]
 
     def largest_error(self, td_error: Tensor, chosen_td_error: Tensor) -> Tensor:
-        """Return the larger absolute value of the two errors, of those that the variant uses.
+        """Return the largest absolute value of the errors that the variant uses.
 
         Args:
             td_error, chosen_td_error: δ and δ′, any shape.

@@ -1,10 +1,11 @@
 """Rules for the step size α. The runs are the last dimension.
 
-A step is α(δe + δ′∇Q(s, a)), and two of the rules look at its direction first. They get the trace
-with the present pair in it, z = γλe + ∇Q(s, a), which is the direction for two errors of 1
-(:meth:`.q_lambda.Rule.present_trace`). Watkins' and naive Q(λ) go along δ′z, as the learners of
-both sources do. Peng's has two errors: ``obgd`` takes the larger one. The guarantee of
-``alpha_bound`` holds for a greedy action, where both are equal; otherwise it is a rule of thumb.
+A step is α(δe + δ′∇Q(s, a)). Two rules, ``obgd`` and ``alpha_bound``, depend on its direction. They
+use the trace including the present pair, z = γλe + ∇Q(s, a), which is the direction if both errors
+are 1 (:meth:`.q_lambda.Rule.present_trace`). Watkins' and naive Q(λ) step along δ′z, as do the
+learners of the two rules' sources. Peng's Q(λ) has two errors: ``obgd`` uses the larger. The
+guarantee of ``alpha_bound`` holds for greedy actions, whose two errors are equal; for other actions
+it is a rule of thumb.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -16,12 +17,12 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Direction:
-    """Quantities of a step, computed only for the rules that need them.
+    """Functions that compute quantities of a step; only the rules that need them call them.
 
     Attributes:
         present_trace: returns z, tensors ``[*weights, runs]``.
-        largest_error: returns |δ|, the largest of the errors, ``[runs]``.
-        error_slope: returns ∇δ′ = γφ′ − φ with φ = ∇Q(s, a), φ′ = ∇V(s′), shaped as z.
+        largest_error: returns the largest of the errors' absolute values, ``[runs]``.
+        error_slope: returns ∇δ′ = γφ′ − φ with φ = ∇Q(s, a) and φ′ = ∇V(s′), shaped as z.
     """
 
     present_trace: Callable[[], Sequence[Tensor]]
@@ -30,30 +31,30 @@ class Direction:
 
 
 class StepSize:
-    """The paper's step size: α, multiplied by its decay after each success; 1 keeps it constant."""
+    """The paper's step size, unchanged within a step; :func:`decayed` lowers it after successes."""
 
     def start(self, alpha: Tensor) -> Tensor:
-        """Return α before the first step, in the shape given."""
+        """Return α before the first step, shaped as given."""
         return alpha.clone()
 
     def update(
         self, alpha: Tensor, kappa: Tensor | None, direction: Direction
     ) -> tuple[Tensor, Tensor]:
-        """Return α for this step, and α to go on with.
+        """Return α for this step, and the α to keep for the next step.
 
         Args:
-            alpha: α so far, ``[runs]``.
-            kappa: κ of :func:`obgd`, ``[runs]``.
+            alpha: the α kept from the last step, ``[runs]``.
+            kappa: κ, ``[runs]``, needed by :func:`obgd` only.
             direction: the quantities of the step.
 
         Returns:
-            Each ``[runs]``.
+            Both α, each ``[runs]``.
         """
         return alpha, alpha
 
 
 class ObGD(StepSize):
-    """α bounded in every step by :func:`obgd`; the bound isn't kept."""
+    """The step size that :func:`obgd` bounds for each step alone; the kept α stays the same."""
 
     def update(
         self, alpha: Tensor, kappa: Tensor | None, direction: Direction
@@ -65,7 +66,7 @@ class ObGD(StepSize):
 
 
 class AlphaBound(StepSize):
-    """α that never rises: the :func:`alpha_bound` of each step is kept."""
+    """The step size that :func:`alpha_bound` lowers for this and all later steps."""
 
     def update(
         self, alpha: Tensor, kappa: Tensor | None, direction: Direction
@@ -84,10 +85,10 @@ STEP_SIZES: dict[str, type[StepSize]] = {
 
 
 def make_step_size(name: str) -> StepSize:
-    """Return the step size of that name.
+    """Return the step size with the given name.
 
     Raises:
-        ValueError: there is none.
+        ValueError: if there is no such step size.
     """
     if name not in STEP_SIZES:
         *others, last = STEP_SIZES
@@ -96,10 +97,10 @@ def make_step_size(name: str) -> StepSize:
 
 
 def decayed(alpha: Tensor, decay: Tensor, success: Tensor) -> Tensor:
-    """Return decay·α where an episode has succeeded (bool), and α elsewhere; all ``[runs]``.
+    """Return decay·α where ``success`` (bool) is true, and α elsewhere; all ``[runs]``.
 
-    The paper: «we decreased α whenever the agent got reward», without a figure. Its robot gets a
-    reward when it catches the ball.
+    The paper: «we decreased α whenever the agent got reward», without a figure. The paper's robot
+    gets a reward when it catches the ball, which is a success.
     """
     return torch.where(success, decay * alpha, alpha)
 
@@ -109,17 +110,17 @@ def obgd(alpha: Tensor, kappa: Tensor, error: Tensor, trace: Sequence[Tensor]) -
 
         α / max(M, 1) with M = ακδ̄‖z‖₁, δ̄ = max(|δ|, 1)
 
-    so its product with κδ̄‖z‖₁ is at most 1. M. Elsayed, G. Vasan, A. R. Mahmood, "Streaming deep
-    reinforcement learning finally works", 2024, algorithm 3.
+    So the product of the step size and κδ̄‖z‖₁ is at most 1. Source: M. Elsayed, G. Vasan,
+    A. R. Mahmood, "Streaming deep reinforcement learning finally works", 2024, algorithm 3.
 
     Args:
         alpha: α, the largest step size, ``[runs]``.
         kappa: κ, ``[runs]``.
-        error: |δ|, the largest of the errors, ``[runs]``.
+        error: |δ|, the largest of the errors' absolute values, ``[runs]``.
         trace: z, tensors ``[*weights, runs]``.
 
     Returns:
-        ``[runs]``.
+        The step size, ``[runs]``.
     """
     norm = _total(z.abs() for z in trace)
     reach = alpha * kappa * error.clamp(min=1) * norm
@@ -127,12 +128,12 @@ def obgd(alpha: Tensor, kappa: Tensor, error: Tensor, trace: Sequence[Tensor]) -
 
 
 def alpha_bound(alpha: Tensor, trace: Sequence[Tensor], error_slope: Sequence[Tensor]) -> Tensor:
-    """Return the largest α that would have turned the sign of no TD error so far.
+    """Return the largest α, at most the given one, that doesn't change the TD error's sign.
 
         α ← min(α, 1/|z·(γφ′ − φ)|) where z·(γφ′ − φ) < 0, with φ = ∇Q(s, a), φ′ = ∇V(s′)
 
-    With a linear Q, a step αδz changes the error δ to (1 + αz·(γφ′ − φ))δ. W. Dabney, A. G. Barto,
-    "Adaptive step-size for online temporal difference learning", AAAI 2012.
+    If Q is linear, a step αδz changes the error δ to (1 + αz·(γφ′ − φ))δ. Source: W. Dabney,
+    A. G. Barto, "Adaptive step-size for online temporal difference learning", AAAI 2012.
 
     Args:
         alpha: α so far, ``[runs]``.
@@ -140,7 +141,7 @@ def alpha_bound(alpha: Tensor, trace: Sequence[Tensor], error_slope: Sequence[Te
         error_slope: ∇δ′ = γφ′ − φ, shaped as z.
 
     Returns:
-        ``[runs]``.
+        The new α, ``[runs]``.
     """
     along = _total(z * slope for z, slope in zip(trace, error_slope, strict=True))
     return torch.where(along < 0, torch.minimum(alpha, -1 / along), alpha)

@@ -1,11 +1,11 @@
 """The eligibility trace of Q(λ): steps f, g and h of the paper's Table 1. The runs come last.
 
-A trace credits the earlier pairs of state and action. All classes have one form: `start` makes the
-trace before the first step, `update` returns the direction Δw of a step and the trace after it. Δw
-is multiplied by the step size α later.
+A trace assigns credit to earlier pairs of state and action. All classes have the same methods:
+`start` makes the trace before the first step; `update` returns the direction Δw of a step and the
+trace after the step. The caller multiplies Δw by the step size α.
 
-The classes differ in step h, Tr(s, a) ← Tr(s, a) + 1: in its meaning for the trace e of a network
-with the gradient f = ∇Q(s, a).
+Here e is the trace of a network's weights, and f = ∇Q(s, a). The classes differ in how step h,
+Tr(s, a) ← Tr(s, a) + 1, changes e.
 """
 
 from abc import ABC, abstractmethod
@@ -17,17 +17,17 @@ from torch import Tensor
 
 
 class Credit(NamedTuple):
-    """The errors of a step, and the factors by which the trace fades before and after it.
+    """The errors of a step, and the factors that decay, cut or clear the trace.
 
     Attributes:
-        past_error: the error of the earlier pairs, δ for Peng's Q(λ), ``[runs]``.
-        present_error: the error of the present pair, δ′, ``[runs]``.
+        past_error: the error for earlier pairs, ``[runs]``; δ in Peng's Q(λ).
+        present_error: the error for the present pair, δ′, ``[runs]``.
         decay: γλ, ``[runs]``.
-        keeps: 0 where the trace is cut before the update, else 1, ``[runs]``; None if it is never
-            cut.
+        keeps: 0 where the trace is cut before the update, else 1, ``[runs]``; None if the variant
+            never cuts the trace.
         goes_on: 0 where the episode has ended, also by truncation, else 1, ``[runs]``.
-        at_once: whether a replacing trace takes in ∇Q before Δw (Watkins, Δw = δ′e) or after it
-            (Table 1, Δw = δe + δ′f).
+        at_once: whether a replacing trace adds the present pair before Δw is computed, Δw = δ′e
+            (Watkins), or afterwards, Δw = δe + δ′f (Table 1).
     """
 
     past_error: Tensor
@@ -39,18 +39,18 @@ class Credit(NamedTuple):
 
 
 Credited = list[tuple[Tensor, Tensor]]
-"""For each tensor of weights, the direction Δw and the new trace."""
+"""The direction Δw and the new trace, for each tensor of weights."""
 
 
 class Trace(ABC):
-    """The interface of every trace."""
+    """The base class of all traces."""
 
     @classmethod
     def of(cls, window: int | None) -> Self:
-        """Make the trace.
+        """Make a trace of this class.
 
         Args:
-            window: the number of steps that a finite window keeps; the other traces ignore it.
+            window: the number of steps kept, for :class:`WindowTrace`; other traces ignore it.
         """
         return cls()
 
@@ -61,7 +61,7 @@ class Trace(ABC):
             weights: ``[*weights, runs]``.
 
         Returns:
-            Zeros of that shape; for a window, of as many times that shape.
+            Zeros, shaped as ``weights``; a window has the shape ``[window, *weights, runs]``.
         """
         return torch.zeros_like(weights)
 
@@ -73,15 +73,15 @@ class Trace(ABC):
 
         Args:
             traces: e of each tensor, in the shape that :meth:`start` gives it.
-            gradients: f = ∇Q(s, a) of each, ``[*weights, runs]``.
-            credit: the errors of the step.
+            gradients: f = ∇Q(s, a) for each tensor, ``[*weights, runs]``.
+            credit: the errors and factors of the step.
         """
 
 
 class GradientTrace(Trace):
-    """Today's semi-gradient trace: e ← e + f.
+    """The usual semi-gradient trace, whose step h is e ← e + f.
 
-    e ← γλe;   Δw = δe + δ′f;   e ← e + scale·f;   e ← 0 at an end
+    e ← γλe;   Δw = δe + δ′f;   e ← e + scale·f (scale = 1);   e ← 0 at the end of an episode
     """
 
     def update(
@@ -103,10 +103,10 @@ class GradientTrace(Trace):
 
 
 class OutputTrace(GradientTrace):
-    """The paper to the letter: the trace network's output at (s, a) rises by one, e ← e + f/‖f‖².
+    """The trace that follows the paper to the letter, e ← e + f/‖f‖².
 
-    It rises by exactly one if Q is linear in the weights. Where f is zero, no change of e can raise
-    it, and e stays.
+    So the trace network's output at (s, a) rises by one; exactly, if Q is linear in the weights. If
+    f is zero, no change of e can raise the output, so e isn't changed.
     """
 
     def scale(self, gradients: Sequence[Tensor]) -> Tensor:
@@ -115,10 +115,10 @@ class OutputTrace(GradientTrace):
 
 
 class ReplacingTrace(Trace):
-    """A replacing trace: e ← f wherever |f| ≥ |e|, else e stays.
+    """A replacing trace: after e ← γλe, e becomes f wherever |f| ≥ |e|.
 
-    For a table it is that of S. P. Singh, R. S. Sutton, "Reinforcement learning with replacing
-    eligibility traces", Machine Learning 22, 1996; for features other than 0 and 1, that of
+    Sources: for tables, S. P. Singh, R. S. Sutton, "Reinforcement learning with replacing
+    eligibility traces", Machine Learning 22, 1996; for features other than 0 and 1,
     K. Främling, "Replacing eligibility trace for action-value learning with function
     approximation", ESANN 2007.
     """
@@ -141,14 +141,14 @@ class WindowTrace(Trace):
 
         Δw = δΣ(γλ)ᵏfₖ + δ′f,   fₖ the gradient k steps ago, k from 1 to the window
 
-    The gradients themselves are kept, the latest first, ``[window, *weights, runs]``. A running
-    sum, with the latest added and the oldest subtracted, would build up rounding errors.
+    The trace is the last gradients, the latest first, ``[window, *weights, runs]``. A running sum
+    that adds the latest and subtracts the oldest would accumulate rounding errors.
 
     Args:
         window: the number of gradients kept.
 
     Raises:
-        ValueError: it is below 1.
+        ValueError: if the window is below 1.
     """
 
     def __init__(self, window: int) -> None:
@@ -159,7 +159,7 @@ class WindowTrace(Trace):
     @classmethod
     def of(cls, window: int | None) -> Self:
         if window is None:
-            raise ValueError("trace='window': needs a window, its number of steps")
+            raise ValueError("trace='window': needs window, the number of steps that it keeps")
         return cls(window)
 
     def start(self, weights: Tensor) -> Tensor:
@@ -189,23 +189,23 @@ TRACES: dict[str, type[Trace]] = {
 }
 """The traces by their names (:data:`fnnq_torchrl.equations.names.TRACES`).
 
-For a table the first two are the same, and a window as long as the episode equals them.
+For a table, ``output`` and ``gradient`` are the same, and so is a window as long as the episode.
 """
 
 
 def squared_norm(gradients: Iterable[Tensor]) -> Tensor:
-    """Return ‖∇Q‖² of each run over all its weights.
+    """Return ‖∇Q‖² of each run, over all weights of the run.
 
     Args:
         gradients: tensors ``[*weights, runs]``.
 
     Returns:
-        ``[runs]``.
+        ‖∇Q‖², ``[runs]``.
     """
     return torch.stack([f.square().flatten(0, -2).sum(0) for f in gradients]).sum(0)
 
 
 def _faded(credit: Credit) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return the two errors, the decay (0 where the trace is cut) and ``goes_on``."""
+    """Return the two errors, γλ (0 where the trace is cut) and ``goes_on``."""
     decay = credit.decay if credit.keeps is None else credit.decay * credit.keeps
     return credit.past_error, credit.present_error, decay, credit.goes_on

@@ -13,27 +13,27 @@ if sys.platform != "win32":
 
 _TOKEN_BYTES = 8
 _UNFINISHED = ".*." + 2 * _TOKEN_BYTES * "[0-9a-f]" + ".tmp"
-"""The names of files that are being written, as a pattern for `Path.glob`."""
+"""The `Path.glob` pattern of the temporary files that :func:`atomic_write` makes."""
 
 
 @contextmanager
 def atomic_write(path: Path, *, durable: bool = True) -> Iterator[BinaryIO]:
-    """Open a binary file that appears under ``path`` only once it is complete and on disk.
+    """Open a binary file for writing that appears at ``path`` only once it is complete.
 
-    An earlier file at ``path`` stays until the block has ended without an error. If the block or
-    the writing fails, nothing is left behind. (A killed process may leave a hidden ``.tmp`` file:
-    see :func:`clear_leftovers`.) The new file's permissions follow the umask.
+    An earlier file at ``path`` is replaced when the block ends without an error. If the block or
+    the writing fails, the earlier file stays and no temporary file is left. (A killed process may
+    leave a hidden ``.tmp`` file: see :func:`clear_leftovers`.) The umask sets the permissions.
 
     Args:
         path: the file.
-        durable: wait for the disk. Without it, a power failure may leave the file empty; a killed
-            process can't.
+        durable: whether to wait until the data is on disk. If not, a power failure may leave the
+            file empty; killing the process can't.
 
     Raises:
-        OSError: the directory is missing or read-only, or the disk is full; names ``path``.
+        OSError: if the directory is missing or read-only, or the disk is full; it names ``path``.
     """
-    # In the same directory, since a rename is atomic only within a file system. Not by tempfile,
-    # which ignores the umask and makes private files.
+    # The temporary file is in the same directory, because a rename is atomic only within a file
+    # system. Python's tempfile isn't used: it ignores the umask and makes private files.
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(_TOKEN_BYTES)}.tmp")
     try:
         with open(temporary, "xb") as file:
@@ -47,7 +47,7 @@ def atomic_write(path: Path, *, durable: bool = True) -> Iterator[BinaryIO]:
                 temporary.unlink(missing_ok=True)
                 raise
     except OSError as error:
-        # An error of writing names no file or the temporary one; the user needs the real name.
+        # A write error names the temporary file or no file, so name the real file for the user.
         if error.errno is None or error.filename not in (None, str(temporary)):
             raise
         raise OSError(error.errno, error.strerror, str(path)) from error
@@ -56,19 +56,21 @@ def atomic_write(path: Path, *, durable: bool = True) -> Iterator[BinaryIO]:
 def clear_leftovers(directory: Path) -> None:
     """Remove the hidden files that :func:`atomic_write` leaves when its process is killed.
 
-    Nothing else may be writing in the directory.
+    No other process may be writing in the directory.
     """
     for leftover in directory.glob(_UNFINISHED):
-        with suppress(OSError):  # another user's
+        with suppress(OSError):  # it may belong to another user
             leftover.unlink()
 
 
 @contextmanager
 def alone_in(directory: Path) -> Iterator[None]:
-    """A block that only one process at a time runs for a directory, if the file system has locks.
+    """Hold a lock on a directory during the block, if the file system has locks.
+
+    Other processes wait for the lock. On Windows there is no lock.
 
     Raises:
-        OSError: there is no such directory.
+        OSError: if there is no such directory.
     """
     if sys.platform == "win32":
         yield

@@ -1,4 +1,4 @@
-"""Files of tensors, numbers and texts; reading one runs no code from it."""
+"""Files of tensors, numbers and texts. Reading a file runs no code from it."""
 
 import io
 from pathlib import Path
@@ -11,17 +11,17 @@ from fnnq_torchrl.files.atomic import atomic_write
 
 
 def write_plain(path: Path, form: int, content: dict[str, Any]) -> None:
-    """Write a file, atomically.
+    """Write tensors, numbers and texts to a file atomically.
 
     Args:
         path: the file.
-        form: the number of its format.
+        form: the number of the file's format.
         content: tensors, numbers, texts, and lists, tuples and dictionaries of them.
 
     Raises:
-        OSError: it can't be written.
+        OSError: if the file can't be written.
     """
-    # Not into the file: torch.save would make a RuntimeError of a full disk.
+    # Save to memory first: writing to a full disk, torch.save would raise a RuntimeError.
     data = io.BytesIO()
     torch.save({"format": form, **content}, data)
     with atomic_write(path) as file:
@@ -29,24 +29,25 @@ def write_plain(path: Path, form: int, content: dict[str, Any]) -> None:
 
 
 def read_plain(path: Path, form: int, what: str) -> dict[str, Any]:
-    """Read such a file back, onto the CPU.
+    """Read a file of :func:`write_plain`, with the tensors on the CPU.
 
     Args:
         path: the file.
-        form: the number of the format that it must have.
-        what: the noun for such a file, with its article, for the error.
+        form: the number of the format that the file must have.
+        what: a noun for the file with its article, for the error, as in "a training".
 
     Raises:
-        OSError: it can't be read.
-        ValueError: it is something else, damaged, or of another format; the text is one line.
+        OSError: if the file can't be read.
+        ValueError: if the file is damaged, has another format, or isn't a file of
+            :func:`write_plain`; the message is one line.
     """
     data = path.read_bytes()
     try:
-        # Torch writes a checksum with every entry, but doesn't check it when reading.
+        # torch.save writes a checksum for every entry, but torch.load doesn't check it.
         if damaged := ZipFile(io.BytesIO(data)).testzip():
             raise ValueError(f"{damaged} is damaged")
         content = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
-    # On arbitrary bytes torch's reader raises nearly any error: EOFError, KeyError, …
+    # For arbitrary bytes torch.load may raise nearly any error: EOFError, KeyError, …
     except Exception as error:
         raise ValueError(f"{path} is damaged, or not {what}") from error
     if not isinstance(content, dict) or "format" not in content:

@@ -145,7 +145,7 @@ def test_there_is_no_such_action(action, env):
 
 
 def test_no_step_before_a_reset(env):
-    with pytest.raises(ResetNeeded, match="no situation has begun"):
+    with pytest.raises(ResetNeeded, match="no episode has begun"):
         env.step(0)
 
 

@@ -116,12 +116,12 @@ MISTAKES = {
     "no success that is a number": (
         '"success": there}',
         '"success": reward}',
-        "after a step success is torch.float32 [2, 1], and must be torch.bool [2, 1]",
+        "after a step the entry success is torch.float32 [2, 1]; it must be torch.bool [2, 1]",
     ),
     "no success": (
         ', "success": there}',
         "}",
-        "its transition returns no success, which its measure counts",
+        "its transition must return success for the measure 'successes'",
     ),
     "no observation": (
         '"y_m": y_m, "reward"',
@@ -131,17 +131,17 @@ MISTAKES = {
     "no reward": (
         '"reward": reward, ',
         "",
-        "after a step reward is not there, and must be torch.float32 [2, 1]",
+        "after a step the entry reward is missing; it must be torch.float32 [2, 1]",
     ),
     "another shape": (
         "reward = there.to(self.dtype)",
         "reward = there.to(self.dtype).squeeze(-1)",
-        "after a step reward is torch.float32 [2], and must be torch.float32 [2, 1]",
+        "after a step the entry reward is torch.float32 [2]; it must be torch.float32 [2, 1]",
     ),
     "another dtype": (
         "reward = there.to(self.dtype)",
         "reward = there.double()",
-        "after a step reward is torch.float64 [2, 1], and must be torch.float32 [2, 1]",
+        "after a step the entry reward is torch.float64 [2, 1]; it must be torch.float32 [2, 1]",
     ),
 }
 
@@ -171,7 +171,7 @@ def test_its_mistakes_are_told_in_one_line(
         ),
         (
             ("env.kind=math:pi",),
-            "env.kind=math:pi: its attribute schema must be a dataclass of Parameters",
+            "env.kind=math:pi: its attribute schema must be a dataclass derived from Parameters",
         ),
         (
             ("action=even",),
@@ -180,7 +180,7 @@ def test_its_mistakes_are_told_in_one_line(
         (
             ("evaluation=paper",),
             "evaluation.situations=[[0.8, 0.1], [-0.8, -0.1], [0.4, -0.15], [-0.4, 0.15], "
-            "[0.0, 0.12]]: must be a whole number of random starts: point:Point has no fixed ones",
+            "[0.0, 0.12]]: must be the number of random starts: point:Point has no fixed starts",
         ),
         (
             ("exploration=noise",),

@@ -38,7 +38,7 @@ def test_an_end_has_no_value_even_where_the_network_has_none() -> None:
         ({"trace": "ouput"}, "trace='ouput': must be output, gradient, replacing or window"),
         ({"variant": "peg"}, "variant='peg': must be peng, watkins or naive"),
         ({"trace": "window", "window": 0}, "window=0: must be at least 1"),
-        ({"trace": "window"}, "trace='window': needs a window"),
+        ({"trace": "window"}, "trace='window': needs window"),
     ],
 )
 def test_there_is_no_other_rule(wrong: dict[str, str | int], message: str) -> None:

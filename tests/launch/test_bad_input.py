@@ -259,7 +259,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         ),
         f"train seed={2**63 - 1} num_seeds=2": (
             2,
-            f"seed={2**63 - 1}: must be at most {2**63 - 2}, for the last seed to fit 63 bits",
+            f"seed={2**63 - 1}: must be at most {2**63 - 2}, so that the last seed fits in 63 bits",
         ),
         "train -m seed=0,1 hydra.sweep.subdir=same": (2, "job 1 (seed=1): …"),
         "train --resolve": (2, "--resolve needs --cfg, whose values it resolves"),

@@ -1,4 +1,4 @@
-"""Value networks: Q(s, a) for batches of runs, each with its own weights."""
+"""Value networks: Q(s, a) for batches of runs. Each run has its own weights."""
 
 from torch import Tensor
 
@@ -30,20 +30,19 @@ NETWORKS: dict[str, type[ValueNetwork]] = {
     "table": TableValue,
     "tiles": TilesValue,
 }
-"""The networks by their names in ``conf/value/``."""
+"""The networks by kind."""
 
 
 def make_value_network(config: ValueConfig, candidates: Tensor, runs: int) -> ValueNetwork:
     """Make the value network that a configuration describes, for a batch of runs.
 
     Args:
-        config: of one of `NETWORKS`, or of a user's own network, whose kind is ``module:Class``.
-        candidates: the actions among which the best is sought, ``[candidates]``; the network has
-            their dtype and device.
-        runs: the number of learners it holds.
+        config: the configuration of one of `NETWORKS` or of a user's network (``module:Class``).
+        candidates: the candidate actions, ``[candidates]``, in the network's dtype and device.
+        runs: the number of runs in the batch.
 
     Raises:
-        ConfigError: the user's own class isn't a :class:`ValueNetwork`.
+        ConfigError: if the user's class can't be imported or isn't a :class:`ValueNetwork`.
     """
     network = class_of("value", config.kind, NETWORKS, ValueNetwork)
     return network.from_config(config, candidates, runs)

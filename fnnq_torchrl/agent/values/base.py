@@ -1,4 +1,4 @@
-"""The interface of value networks for policy and loss."""
+"""The base class of value networks."""
 
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Self
@@ -13,12 +13,12 @@ class ValueNetwork(nn.Module, ABC):
     """Q(s, a) for a batch of runs: every parameter has the runs as its first dimension.
 
     Args:
-        in_keys: the observations that it takes, by their names in the TensorDict.
-        candidates: the actions among which the best is sought, ``[candidates]``.
+        in_keys: the keys of the observations that the network takes.
+        candidates: the candidate actions, ``[candidates]``.
     """
 
     schema: ClassVar[type[ValueConfig]]
-    """The schema of its configuration."""
+    """The schema of the network's configuration."""
 
     candidates: Tensor
 
@@ -32,25 +32,25 @@ class ValueNetwork(nn.Module, ABC):
         """Make the network that a configuration describes.
 
         Args:
-            config: an instance of its ``schema``.
-            candidates: the actions among which the best is sought, ``[candidates]``; the network
-                has their dtype and device.
-            runs: the number of learners it holds.
+            config: an instance of ``schema``.
+            candidates: the candidate actions, ``[candidates]``; the network gets their dtype and
+                device.
+            runs: the number of runs in the batch.
 
         Raises:
-            NotImplementedError: the class can't be made from a configuration.
+            NotImplementedError: if a subclass doesn't override this method.
         """
-        raise NotImplementedError(f"{cls.__name__} is made in Python, not from a configuration")
+        raise NotImplementedError(f"{cls.__name__} has no from_config to read a configuration")
 
     def start(self, seed: Tensor) -> dict[str, Tensor]:
-        """Return the weights of runs before they learn, by default the parameters as they are.
+        """Return the runs' weights before learning, by default the network's parameters.
 
         Args:
             seed: the runs' seeds, int64 ``[runs, 1]``, for random weights.
 
         Returns:
-            By the parameters' names, each ``[runs, *weights]``. The parameters of a network of a
-            single run are repeated for all.
+            The weights by parameter name, each ``[runs, *weights]``. If the network holds a single
+            run, its parameters are repeated for every run.
         """
         return {
             name: weight.detach().expand(len(seed), *weight.shape[1:])
@@ -59,10 +59,10 @@ class ValueNetwork(nn.Module, ABC):
 
     @abstractmethod
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
-        """Return Q(s, a) of an action, or of every candidate.
+        """Return Q(s, a) of the given action, or of every candidate action.
 
         Args:
-            *observations: in the order of ``in_keys``, each ``[runs, *batch, 1]``.
+            *observations: the observations in the order of ``in_keys``, each ``[runs, *batch, 1]``.
             action: ``[runs, *batch, 1]``; by default all candidates.
 
         Returns:
@@ -70,14 +70,14 @@ class ValueNetwork(nn.Module, ABC):
         """
 
     def values_in(self, state: TensorDictBase, action: Tensor | None = None) -> Tensor:
-        """Return Q in a TensorDict's state; ``action`` and the result are as in :meth:`forward`.
+        """Return Q for the observations in a TensorDict; otherwise as :meth:`forward`.
 
         Raises:
-            ValueError: the TensorDict has no dimension of runs.
+            ValueError: if the TensorDict has no batch dimension for the runs.
         """
         if state.ndim == 0:
             raise ValueError(
-                "a value network needs a batch of runs: batch_size=[1] for a single one"
+                "a value network needs a batch of runs: batch_size=[1] for a single run"
             )
         values: Tensor = self(*(state[key] for key in self.in_keys), action=action)
         return values

@@ -8,11 +8,11 @@ from .labels import LabelsValue
 
 
 class FNNQValue(LabelsValue):
-    """A zero-order Takagi–Sugeno rule base: every label of every input with every action label.
+    """A zero-order Takagi–Sugeno rule base, with a rule for every combination of labels.
 
     «If bearing is S₁ … and action is A₁ then the value is w₁₁.» Membership is Gaussian with fixed
-    centres and widths, the t-norm is the product, the defuzzifier the weighted average. Only the
-    consequents learn: singletons w, all zero at the start (paper, eq. 6–9).
+    centres and widths, the t-norm is the product, and the defuzzifier is the weighted average. Only
+    the consequents w learn; they are singletons and start at zero (paper, eq. 6–9).
 
     Arguments and errors: as :class:`fnnq_torchrl.agent.values.labels.LabelsValue`.
     """

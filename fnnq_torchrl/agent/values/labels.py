@@ -1,4 +1,4 @@
-"""Value functions over labels: linear in products of one label of each input and of the action."""
+"""The base class of value functions with a weight for every combination of labels."""
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -18,21 +18,20 @@ Labels = Sequence[tuple[float, float]]
 class LabelsValue(ValueNetwork):
     """Q(s, a) = Σ w·Πⱼ φⱼ(sⱼ)·φ(a), over every combination of the inputs' and the action's labels.
 
-    A subclass defines φ: how far a number belongs to each Gaussian label.
+    A subclass defines φ, the degree to which a number belongs to each label.
 
     Every run has its own weights, all zero at the start: ``weight`` is ``[runs, labels of input 1,
-    …, action labels]``. In memory the runs are last, as the equations want them.
+    …, action labels]``. In memory the runs are the last dimension, for the equations.
 
     Args:
-        inputs: for each observation, by its name in the TensorDict, its labels (centre, width).
-        action: the action's labels (centre, width).
-        candidates: the actions among which the best is sought, ``[candidates]``; their dtype and
-            device are the network's.
+        inputs: the labels (centre, width) of each observation, by its key in the TensorDict.
+        action: the labels (centre, width) of the action.
+        candidates: the candidate actions, ``[candidates]``, in the network's dtype and device.
         width: the meaning of a label's second number, ``"sigma"`` or ``"variance"``.
-        runs: the number of learners in the batch; a single one takes inputs of any batch size.
+        runs: the number of runs in the batch; a network of one run takes inputs of any batch size.
 
     Raises:
-        ValueError: if ``width`` is neither.
+        ValueError: if ``width`` is neither of the two.
     """
 
     schema = LabelsConfig
@@ -55,7 +54,7 @@ class LabelsValue(ValueNetwork):
         for i, labels in enumerate(dimensions):
             centres = [centre for centre, _ in labels]
             inverse_widths = [1 / rule_width(second, width) for _, second in labels]
-            # Every buffer has memory of its own: a compiled loop allows no aliases.
+            # Each buffer has its own memory, because a compiled loop allows no aliases.
             self.register_buffer(f"centres_{i}", candidates.new_tensor(centres))
             self.register_buffer(f"inverse_widths_{i}", candidates.new_tensor(inverse_widths))
         # The candidates never change, so neither do their shares.
@@ -70,7 +69,7 @@ class LabelsValue(ValueNetwork):
 
     @abstractmethod
     def shares(self, x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-        """Return a number's share of each label; arguments and result as `log_membership`'s."""
+        """Return φ(x) for every label of one input; arguments and result as `log_membership`'s."""
 
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
         shares = [self._shares(i, runs_last(x.squeeze(-1))) for i, x in enumerate(observations)]

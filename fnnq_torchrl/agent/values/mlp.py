@@ -1,4 +1,4 @@
-"""Q(s, a) as a multilayer perceptron."""
+"""Q(s, a) as a multilayer perceptron (MLP)."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,34 +20,33 @@ _ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "leaky_relu": nn.functional.leaky_relu,
 }
 
-_NORM_EPSILON = 1e-5  # as torch's LayerNorm has it
+_NORM_EPSILON = 1e-5  # the default of torch's LayerNorm
 
 
 class MLPValue(ValueNetwork):
     """A multilayer perceptron from the observations and the action to Q.
 
     Every run has its own weights and biases, ``weight_i`` ``[runs, outputs, inputs]`` and
-    ``bias_i`` ``[runs, outputs]``. At the start the biases are 0. Of the n incoming weights of a
-    unit some are 0 and the others U(−1/√n, 1/√n), drawn from the run's seed.
+    ``bias_i`` ``[runs, outputs]``. Biases start at 0. A unit with n incoming weights starts with
+    some of them at 0 and the others drawn from U(−1/√n, 1/√n) with the run's seed.
 
-    Source: sparse initialisation, and layer normalisation before the activation and without
-    parameters, are those of M. Elsayed, G. Vasan, A. R. Mahmood, "Streaming deep reinforcement
-    learning finally works", 2024.
+    Source of the sparse start and of the layer normalisation (before the activation, without
+    parameters): M. Elsayed, G. Vasan, A. R. Mahmood, "Streaming deep reinforcement learning finally
+    works", 2024.
 
     Args:
-        in_keys: the observations that it takes, by their names in the TensorDict.
-        candidates: the actions among which the best is sought, ``[candidates]``; their dtype and
-            device are the network's.
-        widths: units of each hidden layer.
+        in_keys: the keys of the observations that the network takes.
+        candidates: the candidate actions, ``[candidates]``, in the network's dtype and device.
+        widths: the number of units in each hidden layer.
         activation: ``tanh``, ``relu`` or ``leaky_relu``.
         layer_norm: whether hidden layers are normalised before the activation.
-        sparsity: the share of every unit's incoming weights that are 0 at the start, in [0, 1];
-            their number is rounded up, but one weight always remains.
-        runs: the number of learners in the batch; a single one takes inputs of any batch size.
-            Their parameters are those of the seeds 0, 1, ….
+        sparsity: the share of a unit's incoming weights that start at 0, in [0, 1]. The number of
+            zeros is rounded up, but at least one weight isn't 0.
+        runs: the number of runs in the batch; a network of one run takes inputs of any batch size.
+            The parameters are drawn with the seeds 0, 1, ….
 
     Raises:
-        ValueError: there is no such activation.
+        ValueError: if there is no such activation.
     """
 
     schema = MLPConfig
@@ -92,7 +91,7 @@ class MLPValue(ValueNetwork):
             shape = (len(seed), outputs, inputs)
             weight = (2 * first.view(shape) - 1) / math.sqrt(inputs)
             zeros = min(inputs - 1, math.ceil(self._sparsity * inputs))
-            place = second.view(shape).argsort(-1).argsort(-1)  # each unit's, in random order
+            place = second.view(shape).argsort(-1).argsort(-1)  # random order within a unit
             weights[f"weight_{layer}"] = torch.where(place < zeros, 0, weight)
             weights[f"bias_{layer}"] = weight.new_zeros(shape[:2])
         return weights
@@ -112,14 +111,14 @@ class MLPValue(ValueNetwork):
 
 
 def _uniforms(seed: Tensor, layer: int, count: int, dtype: torch.dtype) -> tuple[Tensor, Tensor]:
-    """Return two U[0, 1) numbers for each of ``count`` weights, ``[runs, count]`` each."""
-    # The stream START is otherwise used at step 0 only, so the other steps are free.
+    """Return two U[0, 1) numbers for each of ``count`` weights, as two ``[runs, count]``."""
+    # The worlds use the stream START at step 0 only, so all later steps are unused.
     step = 1 + torch.arange(count, device=seed.device).expand(len(seed), -1)
     words = streams.draw(seed.expand_as(step), torch.full_like(step, layer), step, Stream.START)
     return streams.uniform(words[0], dtype), streams.uniform(words[1], dtype)
 
 
 def _normalised(hidden: Tensor) -> Tensor:
-    """Return the tensor with mean 0 and variance 1 over the last dimension."""
+    """Return the tensor normalised to mean 0 and variance 1 over the last dimension."""
     centred = hidden - hidden.mean(-1, keepdim=True)
     return centred * (centred.square().mean(-1, keepdim=True) + _NORM_EPSILON).rsqrt()

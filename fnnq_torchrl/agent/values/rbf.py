@@ -1,4 +1,4 @@
-"""Q(s, a) as radial basis functions."""
+"""Q(s, a) as a sum of radial basis functions."""
 
 from torch import Tensor
 
@@ -8,9 +8,9 @@ from .labels import LabelsValue
 
 
 class RBFValue(LabelsValue):
-    """The fuzzy network's Gaussians without its normalisation: Q(s, a) = Σ w·Πⱼ μⱼ(sⱼ)·μ(a).
+    """Gaussian radial basis functions, not normalised: Q(s, a) = Σ w·Πⱼ μⱼ(sⱼ)·μ(a).
 
-    Far from every centre Q is 0, where the fuzzy network has the nearest label's consequent.
+    Far from every centre Q is 0. The fuzzy network instead has the nearest rule's consequent there.
 
     Arguments and errors: as :class:`fnnq_torchrl.agent.values.labels.LabelsValue`.
     """

@@ -8,7 +8,7 @@ from .labels import LabelsValue
 
 
 class TableValue(LabelsValue):
-    """A cell for every label of every input with every action label; labels are crisp.
+    """A table with a cell for every combination of the inputs' and the action's crisp labels.
 
     Arguments and errors: as :class:`fnnq_torchrl.agent.values.labels.LabelsValue`.
     """

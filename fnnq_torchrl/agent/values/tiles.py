@@ -16,11 +16,11 @@ Span = Sequence[float]
 
 
 class TilesValue(ValueNetwork):
-    """Tile coding: Q(s, a) is the sum, over the tilings, of the weight of the tile at (s, a).
+    """Tile coding: Q(s, a) is the sum of one weight of every tiling, that of the tile at (s, a).
 
     A tiling is a grid over all inputs and the action. Tiling t is offset by t·(1, 3, 5, …)/tilings
-    of a tile along input 1, 2, 3, …, modulo a tile. Because of the offsets a grid has one tile more
-    along each dimension than fit into the range. A number beyond the range has the edge's tile.
+    of a tile along input 1, 2, 3, …, modulo a tile. To cover the range despite its offset, a grid
+    has one extra tile along each dimension. A number beyond the range falls into the edge's tile.
 
     Every run has its own weights, all zero at the start: ``weight`` is ``[runs, tiles of input 1,
     …, action tiles, tilings]``, with the runs last in memory.
@@ -29,13 +29,12 @@ class TilesValue(ValueNetwork):
     the offsets are those of W. T. Miller and F. H. Glanz, 1996.
 
     Args:
-        inputs: for each observation, by its name in the TensorDict, its range (low, high).
-        action: the action's range (low, high).
-        candidates: the actions among which the best is sought, ``[candidates]``; their dtype and
-            device are the network's.
+        inputs: the range (low, high) of each observation, by its key in the TensorDict.
+        action: the range (low, high) of the action.
+        candidates: the candidate actions, ``[candidates]``, in the network's dtype and device.
         tilings: the number of grids.
         tiles: the number of tiles that fit into each range.
-        runs: the number of learners in the batch; a single one takes inputs of any batch size.
+        runs: the number of runs in the batch; a network of one run takes inputs of any batch size.
     """
 
     schema = TilesConfig
@@ -89,19 +88,18 @@ class TilesValue(ValueNetwork):
         return of_each_tiling.sum(-2).movedim((0, -1), (-1, 0))
 
     def _tiles_at(self, i: int, x: Tensor) -> Tensor:
-        """Return the tiles that numbers fall into along a dimension.
+        """Return the tile that contains each number, one-hot, along one dimension of every grid.
 
         Args:
-            i: the number of the input; the action follows the last.
-            x: ``[..., runs]``.
+            i: the index of the input, or the number of inputs for the action.
+            x: the numbers, ``[..., runs]``.
 
         Returns:
-            1 for the tile that contains the number, in each tiling, else 0:
-            ``[tiles + 1, ..., tilings, runs]``.
+            1 for the tile that contains the number, else 0, ``[tiles + 1, ..., tilings, runs]``.
         """
         (low, high), offset = self._spans[i], getattr(self, f"offset_{i}")
         place = (x.unsqueeze(-2) - low) * (self._tiles / (high - low)) + offset
-        # The upper end of the range belongs to the last tile that the range reaches into.
+        # The upper end of the range belongs to the last tile that overlaps the range.
         last = (self._tiles + offset).ceil() - 1
         tile = torch.minimum(place.floor().clamp(min=0), last)
         return (self.numbers.view(-1, *[1] * tile.ndim) == tile).to(x.dtype)
