@@ -35,7 +35,7 @@ def in_batches(jobs: Iterable[Job], most_runs: int) -> list[list[Job]]:
             is a batch by itself.
     """
     batches: list[list[Job]] = []
-    open_batches: dict[str, tuple[list[Job], int]] = {}  # by kind: last batch, its runs
+    open_batches: dict[str, tuple[list[Job], int]] = {}  # by kind: last batch, number of runs
     for job in jobs:
         kind, runs = _kind(job.config), job.config.num_seeds
         batch, so_far = open_batches.get(kind, ([], most_runs))

@@ -49,7 +49,7 @@ class BatchTask:
             [missing], pictures=self._pictures, interruptions=self._interruptions
         ):
             for job, result in zip(missing, new, strict=True):
-                if isinstance(result, UncompletedJobError):  # of the whole task
+                if isinstance(result, UncompletedJobError):  # by submitit: the task ends
                     raise result
                 results[job.directory] = result
         return list(results.values())

@@ -66,7 +66,7 @@ class Task:
 
     def __call__(self, node: DictConfig) -> float | None:
         """Do one job, and return its value for a sweeper."""
-        with errors_in_one_line(self):  # inside run_job, which adds a line to errors
+        with errors_in_one_line(self):  # here, since Hydra's run_job adds a line to errors
             config = to_config(node, own=True)
             directory = Path(HydraConfig.get().runtime.output_dir)
             self.began = True
@@ -192,11 +192,11 @@ def _command_again(key: str, directory: Path) -> str:
     """
     path = directory.absolute()
     place = str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
-    if not re.fullmatch(r"[\w./+-]+", place):  # Hydra's grammar would interpret it
+    if not re.fullmatch(r"[\w./+-]+", place):  # characters that Hydra interprets
         place = "'" + place.replace("'", r"\'") + "'"
     program = Path(sys.argv[0])
     words = ["python", "-m", "fnnq_torchrl.train"] if program.suffix == ".py" else [program.name]
-    left_out = (*_PLACES, "resume")  # resume=never would start over
+    left_out = (*_PLACES, "resume")  # with resume=never, the work would start over
     words += [word for word in sys.argv[1:] if key_of(word.removeprefix("--")) not in left_out]
     return shlex.join([*words, f"{key}={place}"])
 

@@ -87,7 +87,7 @@ def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
         return ConfigError(f"{wrong.override}: {_advice_on_parsing(wrong.override, overrides)}")
     message = " ".join(str(error).split())
     message = message or f"Hydra fails with {type(error).__name__}; HYDRA_FULL_ERROR=1 shows where"
-    causes = (error.__cause__, error.__context__)  # Hydra uses either
+    causes = (error.__cause__, error.__context__)  # Hydra sets one or the other
     cause = next((each for each in causes if isinstance(each, OmegaConfBaseException)), error)
     if isinstance(cause, OmegaConfBaseException):
         key = cause.full_key or "hydra"

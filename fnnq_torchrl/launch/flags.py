@@ -31,7 +31,7 @@ def hydra_arguments(typed: Sequence[str]) -> Namespace:
         argument.removeprefix("--")
         if argument.startswith("--")
         and "=" in argument
-        # If the parser returns an argument, it is none of its flags.
+        # The parser returns arguments that are not flags.
         and parser.parse_known_args([argument])[1]
         else argument
         for argument in typed

@@ -47,7 +47,7 @@ def choose_primary(arguments: Sequence[str]) -> tuple[str, list[str]]:
     if not words:
         return "config", others
     if len(words) > 1:
-        raise ConfigError(f"{' '.join(words)}: must be one job")
+        raise ConfigError(f"{' '.join(words)}: name one job")
     directory = Path(words[0].removeprefix(_WORD))
     _store(saved_config(directory, others), _saved_task(directory))
     return SAVED, others
@@ -79,7 +79,7 @@ def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
             raise ConfigError(f"{path}: {key}={value}: must be a plain value")
         if key.endswith(".kind") and is_own(value) and f"{key}={value}" not in typed:
             raise ConfigError(
-                f"{path}: {key}={value} runs somebody's own code; "
+                f"{path}: {key}={value} names code from outside fnnq_torchrl; "
                 f"if you trust it, add {key}={value} to the command"
             )
     plain.pop("logger", None)  # a file from elsewhere must not choose where to log
@@ -88,7 +88,7 @@ def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
     except (ConfigError, OmegaConfBaseException) as error:
         raise ConfigError(f"{path}: {str(error).splitlines()[0]}") from error
     for key, value in flat(asdict(config)).items():
-        if "${" in str(value):  # an interpolation formed by several values together
+        if "${" in str(value):  # interpolations that only together form a reference
             raise ConfigError(f"{path}: {key}={value}: must be a plain value")
     return config
 
@@ -146,6 +146,6 @@ def _store(config: Config, task: str) -> None:
         elif group == "task":
             choice = SAVED
         elif not group.startswith(("override ", "optional ")):
-            choice = None  # its values stay top-level keys, unless a choice is typed
+            choice = None  # its values are top-level keys, unless a choice is typed
         defaults.append({group: choice})
     store.store(name=SAVED, node=values | {"hydra": primary["hydra"], "defaults": defaults})

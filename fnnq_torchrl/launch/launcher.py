@@ -167,7 +167,7 @@ class Multirun:
             raise result  # a bug keeps its traceback
 
         if self._context.callbacks.callbacks or isinstance(result, Exception):
-            return run_job(  # slow, but it calls the callbacks and logs errors
+            return run_job(  # slow; needed for callbacks and to log errors
                 hydra_context=self._context,
                 task_function=outcome,
                 config=job.node(),

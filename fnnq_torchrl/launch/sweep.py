@@ -141,7 +141,7 @@ def _columns(summary: Summary) -> dict[str, object]:
 
 def _write_evaluations(path: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> None:
     """Write the evaluations of all jobs, with the job's number and swept values in each row."""
-    further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # a row has these two
+    further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # already columns
     names = [f"config.{key}" if key in EVALUATION_COLUMNS else key for key in further]
     with atomic_write(path) as file:
         file.write(_row([*EVALUATION_COLUMNS, *names]).encode())
@@ -149,7 +149,7 @@ def _write_evaluations(path: Path, jobs: Sequence[SweptResult], keys: Sequence[s
             values = {**job.overrides, "job": job.number}
             behind = "," + _row([values.get(key, "") for key in further])
             with open(job.directory / "evaluations.csv", encoding="utf-8") as rows:
-                next(rows)  # its header
+                next(rows)  # skips the header
                 file.write("".join(row.rstrip("\n") + behind for row in rows).encode())
 
 

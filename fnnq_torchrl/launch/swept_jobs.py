@@ -51,7 +51,7 @@ class _Template:
             node.hydra.runtime.output_dir = "."
         handlers = (node.hydra.job_logging or {}).get("handlers") or {}
         self.log_files = [each.filename for each in handlers.values() if "filename" in each]
-        # Kept, because most of the text is the same in all jobs.
+        # Made once, because most of the text is the same in all jobs.
         self._task_texts = {key: _yaml({key: value}) for key, value in self.task.items()}
         self._hydra_texts = {key: _section(key, value) for key, value in self.hydra.items()}
 

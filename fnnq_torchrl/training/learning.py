@@ -34,8 +34,8 @@ class Learning:
     ) -> None:
         self.run = run
         self.loop = loop
-        # Few enough steps that no run takes two snapshots within them, and that a save, which is
-        # possible only after them, doesn't wait long.
+        # Few enough that no run takes two snapshots within these steps, and that a save, which has
+        # to wait for their end, doesn't wait long.
         self.steps = min(learner.env.world.fewest_steps * learner.evaluate_every, _MOST_STEPS)
         self._learner, self._ledger, self._on_progress = learner, ledger, on_progress
         self._situations = run["situations"].squeeze(-1).cpu()

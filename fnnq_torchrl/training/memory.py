@@ -133,8 +133,8 @@ def _smaller(config: Config, sizes: Sizes) -> str:
     """Return advice on the keys to change: those that the largest part of the memory depends on."""
     if sizes.at_work > max(sizes.kept, sizes.on_top):
         keys = ["action.candidates", "value"] + ["window"] * (config.trace == "window")
-        return f"smaller {' or '.join(keys)} would do"
-    return "fewer num_seeds, here or in each job of a sweep, or a larger evaluation.every would do"
+        return f"choose a smaller {' or '.join(keys)}"
+    return "choose fewer num_seeds per job, or a larger evaluation.every"
 
 
 def _gigabytes(count: float) -> str:

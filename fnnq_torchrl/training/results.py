@@ -313,7 +313,7 @@ def read_evaluations(path: Path, measure: str = "successes") -> Evaluations:
 def _parse_evaluations(text: str, measure: str) -> Evaluations:
     header, _, body = text.partition("\n")
     if tuple(header.split(",")[: len(_COLUMNS)]) != EVALUATION_COLUMNS:
-        raise ValueError(f"its columns must begin {','.join(EVALUATION_COLUMNS)}")
+        raise ValueError(f"its first columns must be {','.join(EVALUATION_COLUMNS)}")
     if not body.strip():
         raise ValueError("it has no rows")
     if not body.endswith("\n"):
@@ -329,7 +329,7 @@ def _parse_evaluations(text: str, measure: str) -> Evaluations:
     # The rows of a run begin with situations = 0, and all runs have equally many rows.
     runs = np.count_nonzero(table["situations"] == 0)
     if runs == 0 or table.size % runs:
-        raise ValueError("some run lacks some of its evaluations")
+        raise ValueError("a run lacks some of its evaluations")
     table = table.reshape(runs, -1)
     arrays = {}
     for name, item in _COLUMNS.items():

@@ -30,7 +30,7 @@ OnProgress = Callable[[int], None]
 class Trainer:
     """Trains many runs side by side: call :meth:`learn`, then :meth:`evaluate`.
 
-    The runs take turns on lanes, the rows of the batch of runs that the engine steps at once.
+    The engine steps a batch of lanes at once. A lane holds one run; when that run is done, another.
 
     Attributes:
         ledger: the progress so far.

@@ -114,7 +114,7 @@ def spread(
     """
     order = np.argsort(heights, kind="stable")
     room = gap * np.arange(heights.size)
-    # Less the gaps of the labels below, the heights must only not fall: isotonic regression.
+    # Without the gaps below each, the heights must only be non-decreasing: isotonic regression.
     moved = isotonic_regression(heights[order] - room).x
     result = np.empty_like(moved)
     result[order] = np.clip(moved, low, high - room[-1]) + room

@@ -18,8 +18,8 @@ from fnnq_torchrl.training.resume.ledger import Ledger
 
 FORMAT = 3
 
-# Keys left out of the identity. Results don't depend on ASIDE; BATCHABLE is compared run by run;
-# the identity has the chosen engine instead of the key engine.
+# Keys left out of the identity: no result depends on ASIDE, the values of BATCHABLE are compared
+# run by run, and the identity has the chosen engine instead of the key ``engine``.
 _NO_MATTER = (*ASIDE, "engine", *BATCHABLE)
 
 

@@ -63,8 +63,8 @@ class SnapshotBook:
         Snapshots after a run's last evaluation are ignored.
 
         Args:
-            runs: the number of the run on each lane of the engine's batch, −1 for an empty lane,
-                int64 ``[lanes]``.
+            runs: the number of the run on each lane (row) of the batch, −1 for an empty lane, int64
+                ``[lanes]``.
             state: the learner's state, ``[lanes]``.
 
         Raises:
