@@ -17,7 +17,7 @@ def main() -> None:
 
 
 def _check_envs() -> None:
-    """Exit with one line if another package ``envs`` hides that of fnnq_torchrl."""
+    """Exit with one line if another package named ``envs`` hides our own."""
     found, own = find_spec("envs"), Path(__file__).resolve().parents[1] / "envs"
     place = Path(found.origin).resolve() if found is not None and found.origin else own
     if own in (place, place.parent):

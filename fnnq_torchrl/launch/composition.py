@@ -74,7 +74,7 @@ def composing(overrides: Sequence[str]) -> Iterator[None]:
 
 
 def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
-    """Return a one-line `ConfigError` for an error of Hydra, which says what is allowed instead.
+    """Return a one-line `ConfigError` for an error of Hydra; if possible, it says what is allowed.
 
     Args:
         error: the error raised while a configuration was composed. Most are Hydra's or OmegaConf's

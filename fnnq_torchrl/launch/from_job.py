@@ -26,7 +26,7 @@ SAVED = "saved"
 _WORD = "from="
 
 _OF_TASK = ("env", "action", "evaluation")
-"""The groups in which a task makes the choice."""
+"""The configuration groups whose choices a task sets."""
 
 
 def choose_primary(arguments: Sequence[str]) -> tuple[str, list[str]]:

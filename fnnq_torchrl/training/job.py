@@ -36,7 +36,7 @@ from fnnq_torchrl.training.trainer import Trainer
 from fnnq_torchrl.training.weights import save_checkpoint, save_snapshots
 
 _WRITERS = 8
-"""The number of threads that write files, each those of another job."""
+"""The number of threads that write files; each writes those of one job at a time."""
 
 _NAMED = 5
 """The most seeds of diverged runs that a line names."""

@@ -18,7 +18,7 @@ from fnnq_torchrl.training.intervals import mean_interval
 CONFIDENCE = 0.95
 
 FINAL_EVALUATIONS = 8
-"""The final score is the mean over this many last evaluations."""
+"""The number of last evaluations over which the final score is the mean."""
 
 _RUN, _EVALUATION = "runs", "evaluations"
 

@@ -79,7 +79,7 @@ class WandbLogger(Logger):
             _save(log, sweep.tables)
 
     def close(self) -> None:
-        """Wait until wandb's background process ends; later, its failure would be a traceback.
+        """Wait until wandb's background process ends; at exit, a failure would print a traceback.
 
         Raises:
             OSError: if the process has ended with an error status.
@@ -151,7 +151,7 @@ class WandbLogger(Logger):
             self._go_offline(error)
 
     def _init(self, **arguments: Any) -> wandb.Run:
-        """Begin a wandb run; if the server can't be used, go offline and begin it there."""
+        """Begin a wandb run, offline if the server can't be used."""
         try:
             return wandb.init(mode=self._mode, **arguments)
         except CommError as error:  # no answer, or a refused login

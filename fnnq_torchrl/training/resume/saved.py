@@ -75,7 +75,7 @@ class SavedTraining:
         self._read = content["ledger"], torch.from_numpy(rows)
 
     def restore(self, ledger: Ledger) -> bool:
-        """Load the progress that :meth:`read` has read into the ledger.
+        """Load into the ledger the progress that :meth:`read` has found, if any.
 
         Returns:
             True if progress was loaded.
