@@ -1,7 +1,7 @@
 """Peng's Q(λ) with the Q-function and its eligibility trace in a fuzzy neural network, in TorchRL.
 
-The public names are loaded when they are first used, so that a configuration can be checked without
-importing torch.
+A public name is imported when it is first used. So a configuration can be checked without importing
+torch.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""The same command as ``python -m fnnq_torchrl.train``."""
+"""``python -m fnnq_torchrl``: the same command as ``python -m fnnq_torchrl.train``."""
 
 from fnnq_torchrl.train import main
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Do what the command line says. Nothing is imported before, so that Ctrl-C is answered."""
+    """Run the train command. Slow imports are made inside, so that Ctrl-C is handled early."""
     _check_envs()
     try:
         from fnnq_torchrl.launch.train import main as train
@@ -17,13 +17,13 @@ def main() -> None:
 
 
 def _check_envs() -> None:
-    """Exit with one line if another package ``envs`` stands in front of the one beside this."""
+    """Exit with one line if another package named ``envs`` hides our own."""
     found, own = find_spec("envs"), Path(__file__).resolve().parents[1] / "envs"
     place = Path(found.origin).resolve() if found is not None and found.origin else own
     if own in (place, place.parent):
         return
     remedy = "take its directory off PYTHONPATH"
-    if sys.argv[0].endswith(".py"):  # python -m, which looks into the current directory first
+    if sys.argv[0].endswith(".py"):  # python -m searches the current directory first
         remedy = "type fnnq-train instead, which looks for packages elsewhere"
     sys.stderr.write(f"{place} hides the package envs of fnnq_torchrl; {remedy}\n")
     sys.exit(2)

@@ -1,1 +1,1 @@
-"""The command line and sweeps. Of the package, only this room imports Hydra."""
+"""The command line, sweeps and clusters. No other part of the package imports Hydra."""

@@ -1,4 +1,4 @@
-"""Hydra on our ``conf/``: composes what is typed, and runs it or shows it."""
+"""Runs Hydra on our ``conf/``: composes the typed configuration, then runs or shows it."""
 
 from argparse import Namespace
 from pathlib import Path
@@ -23,17 +23,17 @@ from fnnq_torchrl.launch.directories import fresh_directory
 
 
 class Application:
-    """Hydra, for the time of a ``with`` block.
+    """Hydra with our search path and plugins, used as a ``with`` block.
 
-    The steps of ``hydra.main`` are taken here one by one: so the configuration is composed once, is
-    checked before there is a directory, and a preset that sweeps needs no flag.
+    It takes the steps of ``hydra.main`` one by one. So the configuration is composed only once and
+    checked before a directory is made, and a preset that sweeps needs no ``-m``.
 
     Args:
         given: the flags and overrides (:func:`fnnq_torchrl.launch.flags.hydra_arguments`).
         primary: the name of the primary configuration.
 
     Raises:
-        ConfigError: --config-dir isn't there.
+        ConfigError: if the directory of ``--config-dir`` doesn't exist.
     """
 
     def __init__(self, given: Namespace, primary: str) -> None:
@@ -45,7 +45,7 @@ class Application:
         OmegaConf.register_new_resolver(
             "fresh_directory",
             str if self.only_shows else fresh_directory,
-            use_cache=True,  # all that one application asks for the path is one directory
+            use_cache=True,  # all keys of one application get the same directory
             replace=True,
         )
         main = Path(given.config_path or config_directory()).absolute()
@@ -69,7 +69,7 @@ class Application:
         GlobalHydra.instance().clear()
 
     def show(self) -> None:
-        """Show what one of Hydra's flags asks for; nothing is run and no directory is made."""
+        """Show the output of ``--cfg`` or a similar flag; run nothing and make no directory."""
         given, primary = self._given, self._primary
         if given.cfg:
             self._hydra.show_cfg(primary, given.overrides, given.cfg, given.package, given.resolve)
@@ -81,13 +81,14 @@ class Application:
             self._hydra.hydra_help(primary, given.parser, given)
 
     def compose(self) -> DictConfig:
-        """Return the configuration with the ``hydra`` node, whose mode says if it is a multirun.
+        """Return the configuration, with ``hydra.mode`` set to ``RUN`` or ``MULTIRUN``.
 
-        It is one if ``-m`` is typed or a preset sets that mode. If no mode is set, it is one if the
-        sweeper has something to sweep.
+        The mode is ``MULTIRUN`` if ``-m`` is typed or a preset sets it. If neither sets a mode, it
+        is ``MULTIRUN`` exactly if the sweeper's settings list values to sweep.
 
         Raises:
-            ConfigError: several values need ``-m``, or our launcher or sweeper has no such key.
+            ConfigError: if a key has several values without ``-m``, or if our launcher or sweeper
+                has no such key.
         """
         if not self._given.multirun:
             config = self._compose(RunMode.RUN)
@@ -108,11 +109,11 @@ class Application:
         return config
 
     def run(self, config: DictConfig, task: TaskFunction) -> None:
-        """Run what was composed: one job, or a multirun's.
+        """Run the composed job, or all jobs of the composed multirun.
 
         Args:
-            config: as :meth:`compose` returns it.
-            task: does a job.
+            config: the configuration from :meth:`compose`.
+            task: the function that does one job.
         """
         configure_log(config.hydra.hydra_logging, config.hydra.verbose)
         callbacks, name = Callbacks(config), self._primary
@@ -127,7 +128,7 @@ class Application:
                 job_subdir_key=None,
             )
             callbacks.on_run_end(config=config, config_name=name, job_return=done)
-            _ = done.return_value  # raises what the job has raised
+            _ = done.return_value  # raises the job's exception, if there was one
         else:
             callbacks.on_multirun_start(config=config, config_name=name)
             sweeper = Plugins.instance().instantiate_sweeper(
@@ -138,7 +139,7 @@ class Application:
 
 
 def _sweeps(hydra: DictConfig) -> bool:
-    """Return whether a composed ``hydra`` node is that of a multirun."""
+    """Return whether a composed ``hydra`` node asks for a multirun."""
     if hydra.mode is not None:
         return bool(hydra.mode is RunMode.MULTIRUN)
     return bool(hydra.sweeper.get("params") or hydra.sweeper.get("cases", [{}]) != [{}])

@@ -1,4 +1,4 @@
-"""Command lines whose mistakes are told in one line."""
+"""Argument parsers that report a mistake in one line."""
 
 import difflib
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
@@ -8,7 +8,7 @@ from typing import NoReturn
 
 
 class OneLineParser(ArgumentParser):
-    """A parser that says what is wrong without its page on usage; the exit status is 2."""
+    """A parser that reports an error in one line, without usage text, and exits with status 2."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{' '.join(message.split())}\n")
@@ -41,7 +41,7 @@ def read_words(program: str, description: str | None, keys: Iterable[str]) -> di
 
 
 def page_parser(program: str, description: str | None) -> OneLineParser:
-    """Return the parser of a command that writes a page of ``docs`` from experiments' results."""
+    """Return the parser of a command that reads result files and writes a page of ``docs``."""
     parser = OneLineParser(program, description=description)
     parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
     parser.add_argument("--to", type=Path, default=Path("docs"), help="default: docs")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class RunBatches(Protocol):
-    """Runs the jobs of each batch and yields their results: `.training.job.run_batches`."""
+    """The type of `fnnq_torchrl.training.job.run_batches`, which trains the jobs of batches."""
 
     def __call__(
         self,
@@ -26,15 +26,16 @@ class RunBatches(Protocol):
 
 
 def in_batches(jobs: Iterable[Job], most_runs: int) -> list[list[Job]]:
-    """Share jobs out to batches, each in the jobs' order.
+    """Group jobs into batches; each batch keeps the order of its jobs.
 
     Args:
-        jobs: in any order. Those of one batch differ only in keys of `BATCHABLE`.
-        most_runs: the runs that a batch may have. A job isn't split: one with more is a batch of
-            its own.
+        jobs: the jobs, in any order. Two jobs may share a batch if they differ only in keys of
+            `BATCHABLE`.
+        most_runs: the most runs in a batch. A job is never split; a job with more runs than this
+            is a batch by itself.
     """
     batches: list[list[Job]] = []
-    open_batches: dict[str, tuple[list[Job], int]] = {}  # the last of each kind, and its runs
+    open_batches: dict[str, tuple[list[Job], int]] = {}  # by kind: last batch, number of runs
     for job in jobs:
         kind, runs = _kind(job.config), job.config.num_seeds
         batch, so_far = open_batches.get(kind, ([], most_runs))
@@ -47,5 +48,5 @@ def in_batches(jobs: Iterable[Job], most_runs: int) -> list[list[Job]]:
 
 
 def _kind(config: Config) -> str:
-    """Return the same text for all jobs that can be in one batch, and for no other."""
+    """Return a text that two jobs share exactly if they can be in one batch."""
     return repr({key: value for key, value in asdict(config).items() if key not in BATCHABLE})

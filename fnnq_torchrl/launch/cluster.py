@@ -1,4 +1,4 @@
-"""Batches as tasks of a cluster, through submitit."""
+"""Trains batches as tasks of a cluster, through submitit."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,29 +13,30 @@ from fnnq_torchrl.training.resume.interruptions import Interruptions
 from fnnq_torchrl.training.terminal import announce
 
 _SAVE_S = 60.0
-"""The longest that saving may take before a task is put back into the queue."""
+"""The seconds that a save may take before the task is put back into the queue without it."""
 
 _MOST_TIMEOUTS = 100
-"""The times that a task is put back into the queue, to go on after its time limit."""
+"""The number of time limits after which a task is no longer put back into the queue."""
 
 
 class BatchTask:
-    """A task of the cluster, which runs once more when submitit requeues it.
+    """The function that a task of the cluster calls; after a requeue, it is called again.
 
     Args:
-        run_batches: trains.
-        pictures: each job gets its ``learning_curve.png``.
+        run_batches: the function that trains a batch.
+        pictures: whether each job gets a ``learning_curve.png``.
     """
 
     def __init__(self, run_batches: RunBatches, pictures: bool) -> None:
         self._run_batches, self._pictures = run_batches, pictures
-        self._interruptions: Interruptions | None = None  # of the batch in training
+        self._interruptions: Interruptions | None = None  # made when training begins
 
     def __call__(self, batch: Sequence[Job]) -> list[Result]:
-        """Train the jobs that have no result yet, and return the results of all.
+        """Train the unfinished jobs of the batch, and return the results of all its jobs.
 
         Raises:
-            submitit.core.utils.UncompletedJobError: the task came to its time limit too often.
+            submitit.core.utils.UncompletedJobError: if the task reached its time limit more than
+                `_MOST_TIMEOUTS` times.
         """
         from submitit.core.utils import UncompletedJobError
 
@@ -48,13 +49,13 @@ class BatchTask:
             [missing], pictures=self._pictures, interruptions=self._interruptions
         ):
             for job, result in zip(missing, new, strict=True):
-                if isinstance(result, UncompletedJobError):  # the task's, not the job's
+                if isinstance(result, UncompletedJobError):  # by submitit: the task ends
                     raise result
                 results[job.directory] = result
         return list(results.values())
 
     def checkpoint(self, batch: Sequence[Job]) -> Any:
-        """Save the training, and return the task for submitit to put back into the queue."""
+        """Save the training, and return the task that submitit puts back into the queue."""
         from submitit.helpers import DelayedSubmission
 
         if self._interruptions is not None:
@@ -70,21 +71,21 @@ def run_on_cluster(
     *,
     pictures: bool,
 ) -> Iterator[Sequence[Result]]:
-    """Run each batch as one task of an array, all at once.
+    """Train each batch as one task of a job array, and yield the results.
 
     Args:
-        run_batches: trains; must be picklable, by cloudpickle.
-        batches: of jobs whose directories the tasks' machines see too.
-        settings: where to run, and what each task is given.
-        folder: where submitit keeps its files, with the output of each task.
-        pictures: as for ``run_batches``.
+        run_batches: the function that trains a batch; cloudpickle must be able to pickle it.
+        batches: the batches. The directories of their jobs must be visible to all nodes.
+        settings: the cluster and the resources of each task.
+        folder: the directory for submitit's files, which include the output of each task.
+        pictures: whether each job gets a ``learning_curve.png``.
 
     Yields:
-        The results of each batch, in their order. If a task fails, the jobs that it had finished
-        have their results, and each of the others has a `JobFailed`.
+        The results of the jobs of a batch, batch after batch. If a task fails, its unfinished jobs
+        have a `JobFailed` as their result.
 
     Raises:
-        ConfigError: submitit or the cluster isn't there.
+        ConfigError: if submitit isn't installed, or the cluster's commands aren't found.
     """
     asked = f"hydra.launcher.cluster={settings.cluster}"
     try:
@@ -117,7 +118,7 @@ def run_on_cluster(
             try:
                 results = task.result()
             except (submitit.core.utils.FailedJobError, submitit.core.utils.UncompletedJobError):
-                why = JobFailed(f"task {task.job_id} ended badly: {task.paths.stderr}")
+                why = JobFailed(f"task {task.job_id} failed; see {task.paths.stderr}")
                 results = [why if (found := _finished(job)) is None else found for job in batch]
             yield results
     except KeyboardInterrupt:
@@ -127,8 +128,8 @@ def run_on_cluster(
 
 
 def _finished(job: Job) -> float | None:
-    """Return the objective from the job's directory, or None if the job isn't finished."""
+    """Return the mean score from a job's summary.json, or None if the job isn't finished."""
     try:
         return read_summary(job.directory / "summary.json")["mean_score"]
-    except (FileNotFoundError, ValueError):  # there is none, or it is damaged
+    except (FileNotFoundError, ValueError):  # no summary.json, or a damaged one
         return None

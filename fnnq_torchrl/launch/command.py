@@ -1,4 +1,4 @@
-"""The form of every command: Hydra's command line in, a valid `Config` out, errors in one line."""
+"""Makes a command of a function that does a job: Hydra's command line, errors in one line."""
 
 import errno
 import logging
@@ -36,27 +36,26 @@ from fnnq_torchrl.training.resume.interruptions import SAVING, Interrupted
 from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
 
 _FULL_ERROR = "HYDRA_FULL_ERROR"
-"""The variable that asks for Hydra's errors as they are, with their tracebacks."""
+"""The environment variable that asks for Hydra's errors with their tracebacks."""
 
 _OF_DISKS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EPIPE}
 
 _PLACES = ("hydra.run.dir", "hydra.sweep.dir")
-"""The keys of the directory of a job, and of a sweep."""
+"""The keys that set the output directory: of a single job, and of a sweep."""
 
 RunJob = Callable[[Config, Path], float | None]
-"""Does a job, and returns its value for a sweeper."""
+"""A function that does one job in a directory, and returns the job's value for a sweeper."""
 
 
 class Task:
-    """What Hydra calls to do the work of a command: one job, or the jobs of a multirun.
+    """The task that Hydra calls to do a command's work: one job, or the jobs of a multirun.
 
     Args:
-        job: does one job.
-        run_batches: does the jobs of a multirun.
+        job: the function that does a single job.
+        run_batches: the function that does the jobs of a multirun.
 
     Attributes:
-        began: whether the work has begun. An error after that is not a mistake in what the user
-            typed.
+        began: whether the work has begun. A later error is not a mistake in the command line.
         again: the command that resumes the work after an interruption; empty until it is known.
     """
 
@@ -67,7 +66,7 @@ class Task:
 
     def __call__(self, node: DictConfig) -> float | None:
         """Do one job, and return its value for a sweeper."""
-        with errors_in_one_line(self):  # outside, Hydra would add a line of its own
+        with errors_in_one_line(self):  # here, since Hydra's run_job adds a line to errors
             config = to_config(node, own=True)
             directory = Path(HydraConfig.get().runtime.output_dir)
             self.began = True
@@ -76,17 +75,17 @@ class Task:
     def set_up(
         self, settings: Mapping[str, Any], context: HydraContext, config: DictConfig
     ) -> None:
-        """Prepare for a multirun. The arguments are those of `Multirun`."""
+        """Prepare a multirun; the arguments are those of `Multirun`."""
         self._multirun = Multirun(settings, context, config, self._run_batches)
 
     def launch(self, job_overrides: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
-        """Run some more jobs of the multirun: see `Multirun.launch`."""
+        """Run the next jobs of the multirun: see `Multirun.launch`."""
         assert self._multirun is not None
         self.began = True
         return self._multirun.launch(job_overrides, first)
 
     def end(self) -> None:
-        """Finish the multirun, if it is one. No sweeper says which of its launches is the last."""
+        """Finish the multirun, if there is one; called once, after the sweeper's last launch."""
         if self._multirun is not None:
             self._multirun.end()
 
@@ -94,20 +93,22 @@ class Task:
 def command(job: RunJob, run_batches: RunBatches) -> Callable[[], None]:
     """Return the command that does a job, or the jobs of a sweep.
 
-    A mistake in the configuration, or any `ConfigError` of the job, is one line on stderr and exit
-    status 2; a job that failed, or a file that can't be read or written, is one line and status 1;
-    Ctrl-C is status 130, another signal 128 and its number; every other exception keeps its
-    traceback. A user who sets HYDRA_FULL_ERROR=1 gets Hydra's own errors with theirs.
+    Each of these errors ends the command with one line on stderr and an exit status:
+
+    * a mistake in the configuration, or another `ConfigError`: status 2;
+    * a failed job, or a file that can't be read or written: status 1;
+    * Ctrl-C: status 130; another signal that ends the work: 128 + its number.
+
+    Any other exception keeps its traceback. With HYDRA_FULL_ERROR=1, Hydra's own errors do, too.
 
     Args:
-        job: takes the configuration and the directory, which exists, for what it writes. What it
-            returns is the job's value for a sweeper.
-        run_batches: does the same for batches of jobs at once; yields the results of each batch
+        job: the function that does one job. It takes the configuration and the existing output
+            directory, and returns the job's value for a sweeper.
+        run_batches: the function that does batches of jobs
             (see :func:`fnnq_torchrl.training.job.run_batches`).
 
     Returns:
-        A function without arguments that reads ``sys.argv``: one job, or those of a sweep with
-        ``-m``.
+        A function without arguments that does the job or the sweep that ``sys.argv`` asks for.
     """
     for plugin in (BatchLauncher, BatchSweeper):  # Hydra doesn't find them in every installation
         Plugins.instance().register(plugin)
@@ -121,11 +122,11 @@ def command(job: RunJob, run_batches: RunBatches) -> Callable[[], None]:
 
 
 def _run(task: Task, full: bool) -> None:
-    """Do what is typed.
+    """Parse ``sys.argv`` and run the job or the sweep, or show what a flag asks for.
 
     Args:
-        task: for Hydra to call.
-        full: Hydra's errors are raised as they are.
+        task: the task that Hydra calls.
+        full: whether Hydra's errors are raised unchanged.
     """
     given = hydra_arguments(sys.argv[1:])
     if given.help or given.version:
@@ -143,7 +144,7 @@ def _run(task: Task, full: bool) -> None:
             raise ConfigError("--config-name and from= exclude each other")
         primary = given.config_name
     _leave_signals_to_the_job()
-    logging.raiseExceptions = False  # a log that can't be written has nobody to tell
+    logging.raiseExceptions = False  # no traceback if a log can't be written
     try:
         with Application(given, primary) as application:
             if application.only_shows:
@@ -151,7 +152,7 @@ def _run(task: Task, full: bool) -> None:
             else:
                 _start(application, task, given)
     except Exception as error:
-        # Hydra has an error for missing configuration that calls itself one of a file.
+        # Hydra's MissingConfigException is an OSError, but not one of a file.
         of_a_file = isinstance(error, OSError) and not isinstance(error, HydraException)
         if task.began or full or of_a_file or isinstance(error, ConfigError):
             raise
@@ -161,14 +162,14 @@ def _run(task: Task, full: bool) -> None:
 
 
 def _start(application: Application, task: Task, given: Namespace) -> None:
-    """Run the job or the sweep. If it is refused, its directory is left as it was."""
+    """Run the job or the sweep. If its configuration is refused, restore its directory."""
     config = application.compose()
     multirun = config.hydra.mode is RunMode.MULTIRUN
     if not multirun:
         typed = OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])
-        to_config(typed, own=True)  # before there is a directory
+        to_config(typed, own=True)  # before a directory is made
     key = _PLACES[multirun]
-    HydraConfig.instance().set_config(config)  # which the directory's name may refer to
+    HydraConfig.instance().set_config(config)  # the directory's name may refer to it
     directory = OutputDirectory(Path(str(OmegaConf.select(config, key))))
     task.again = _command_again(key, directory.path)
     try:
@@ -183,29 +184,29 @@ def _start(application: Application, task: Task, given: Namespace) -> None:
 
 
 def _command_again(key: str, directory: Path) -> str:
-    """Return the command that resumes the work in its directory.
+    """Return the command line that resumes the interrupted work in its directory.
 
     Args:
-        key: of the directory.
-        directory: shown relative to the current directory if it lies below it.
+        key: the key that sets the directory, one of `_PLACES`.
+        directory: the directory; its path is relative if it is inside the current directory.
     """
     path = directory.absolute()
     place = str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
-    if not re.fullmatch(r"[\w./+-]+", place):  # Hydra would read something into it
+    if not re.fullmatch(r"[\w./+-]+", place):  # characters that Hydra interprets
         place = "'" + place.replace("'", r"\'") + "'"
     program = Path(sys.argv[0])
     words = ["python", "-m", "fnnq_torchrl.train"] if program.suffix == ".py" else [program.name]
-    left_out = (*_PLACES, "resume")  # resume=never would start over
+    left_out = (*_PLACES, "resume")  # with resume=never, the work would start over
     words += [word for word in sys.argv[1:] if key_of(word.removeprefix("--")) not in left_out]
     return shlex.join([*words, f"{key}={place}"])
 
 
 @contextmanager
 def errors_in_one_line(task: Task) -> Iterator[None]:
-    """A block in which an error that isn't a bug ends the command with a line and a status.
+    """End the command with one line and an exit status if the block raises an expected error.
 
     Args:
-        task: has the command that resumes after an interruption.
+        task: the task; its ``again`` is the command that resumes interrupted work.
     """
     try:
         yield
@@ -218,9 +219,9 @@ def errors_in_one_line(task: Task) -> Iterator[None]:
     except OSError as error:
         if error.filename is not None:
             _leave(1, f"{error.filename}: {error.strerror}")
-        if error.errno not in _OF_DISKS:  # not the fault of a file
+        if error.errno not in _OF_DISKS:  # not a problem of a disk or file
             raise
-        _leave(1, str(error.strerror))  # of Hydra's own files or the terminal: it has no name
+        _leave(1, str(error.strerror))  # Hydra's own file or the terminal: no name is known
     except KeyboardInterrupt:
         _leave(130, f"interrupted; to go on: {task.again}" if task.began else "interrupted")
 
@@ -233,7 +234,7 @@ def _leave(status: int, message: str) -> NoReturn:
 
 
 def _leave_signals_to_the_job() -> None:
-    """Ignore the signals that ask for a save: outside a training there is nothing to save."""
+    """Ignore the signals that ask for a save: their default action would end the process."""
     for name in SAVING:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:

@@ -1,4 +1,4 @@
-"""Composes overrides such as ``lam=0.2`` to a valid `Config`, or says why that can't be done."""
+"""Composes overrides such as ``lam=0.2`` into a valid `Config`, or explains what is wrong."""
 
 import difflib
 from collections.abc import Iterator, Sequence
@@ -26,28 +26,28 @@ from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
 from fnnq_torchrl.launch.from_job import SAVED, choose_primary
 from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
 
-VERSION_BASE = "1.3"  # of Hydra, whose defaults change with it
+VERSION_BASE = "1.3"  # the version of Hydra whose defaults apply
 
 _PLUGINS: dict[str, tuple[type, list[str]]] = {
     "launcher": (BatchLauncher, [*allowed(LauncherConfig)]),
     "sweeper": (BatchSweeper, [*signature(BatchSweeper).parameters]),
 }
-"""Our plugins by their groups, each with the keys that it has."""
+"""Our launcher and sweeper: the class and the allowed keys of each, by Hydra's group."""
 
 # conf/config.yaml begins with this schema: Hydra then refuses unknown keys and wrong types.
 ConfigStore.instance().store(name="schema", node=Config)
 
 
 def load_config(*overrides: str) -> Config:
-    """Return the configuration that a command would train with.
+    """Return the configuration that the train command would use with these overrides.
 
-    ``load_config("lam=0.8", "seed=3")`` works anywhere, inside another Hydra application too.
+    ``load_config("lam=0.8", "seed=3")`` also works inside another Hydra application.
 
     Args:
-        *overrides: as on the command line, without sweeps.
+        *overrides: overrides as on the command line, each with a single value.
 
     Raises:
-        ConfigError: a key is unknown or its value isn't allowed.
+        ConfigError: if a key is unknown or its value isn't allowed.
     """
     primary, others = choose_primary(overrides)
     with composing(others), _hydra():
@@ -57,13 +57,13 @@ def load_config(*overrides: str) -> Config:
 
 @contextmanager
 def composing(overrides: Sequence[str]) -> Iterator[None]:
-    """A block that composes a configuration: an error in it is a mistake in what was typed.
+    """Turn any error of the block, which composes a configuration, into a `ConfigError`.
 
     Args:
-        overrides: what it is composed of.
+        overrides: the overrides that the block composes.
 
     Raises:
-        ConfigError: the error in one line.
+        ConfigError: if the block fails; the message is one line.
     """
     try:
         yield
@@ -74,12 +74,12 @@ def composing(overrides: Sequence[str]) -> Iterator[None]:
 
 
 def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
-    """Return the error in one line that says what is allowed; Hydra's has several and doesn't.
+    """Return a one-line `ConfigError` for an error of Hydra; if possible, it says what is allowed.
 
     Args:
-        error: raised while a configuration was composed. Mostly it is Hydra's or OmegaConf's own;
-            some input makes Hydra fail with other errors.
-        overrides: what it was composed of.
+        error: the error raised while a configuration was composed. Most are Hydra's or OmegaConf's
+            own; on some input, Hydra fails with other errors.
+        overrides: the overrides that were composed.
     """
     try:
         parsed = OverridesParser.create().parse_overrides(list(overrides))
@@ -87,7 +87,7 @@ def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
         return ConfigError(f"{wrong.override}: {_advice_on_parsing(wrong.override, overrides)}")
     message = " ".join(str(error).split())
     message = message or f"Hydra fails with {type(error).__name__}; HYDRA_FULL_ERROR=1 shows where"
-    causes = (error.__cause__, error.__context__)  # Hydra doesn't always say which
+    causes = (error.__cause__, error.__context__)  # Hydra sets one or the other
     cause = next((each for each in causes if isinstance(each, OmegaConfBaseException)), error)
     if isinstance(cause, OmegaConfBaseException):
         key = cause.full_key or "hydra"
@@ -97,17 +97,17 @@ def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
         return refusal(cause, typed[0] if typed else None)
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
-        # Hydra doesn't say which choices there are if the one typed stands in a list.
+        # Hydra gives no options if the choice was typed in a list.
         if options := [each for each in error.options or choices_of(group) if each != SAVED]:
             return OutOfRange(group, choice, " or ".join(options))
     return _misuse_of_a_group(parsed) or ConfigError(message)
 
 
 def refuse_several_values(overrides: Sequence[str]) -> None:
-    """Refuse the overrides of a sweep where there is to be one job.
+    """Refuse overrides with several values, in a command for a single job.
 
     Raises:
-        ConfigError: an override has several values.
+        ConfigError: if an override has several values.
     """
     for override in OverridesParser.create().parse_overrides(list(overrides)):
         if override.is_sweep_override():
@@ -115,7 +115,7 @@ def refuse_several_values(overrides: Sequence[str]) -> None:
 
 
 def _advice_on_parsing(override: str, overrides: Sequence[str]) -> str:
-    """Return why an override can't be read: mostly the shell has cut it at a parenthesis."""
+    """Return advice on an unreadable override: often it was split at a space in parentheses."""
     if override.count("(") <= override.count(")"):
         return "can't be read as key=value"
     begin = overrides.index(override)
@@ -127,13 +127,13 @@ def _advice_on_parsing(override: str, overrides: Sequence[str]) -> str:
 
 
 def check_plugins(hydra: DictConfig) -> None:
-    """Refuse keys of our launcher and sweeper that they don't have, which Hydra may never look at.
+    """Refuse unknown keys of our launcher and sweeper, which Hydra itself may not check.
 
     Args:
         hydra: the ``hydra`` node of a composed configuration.
 
     Raises:
-        ConfigError: there is no such key.
+        ConfigError: if a key is unknown.
     """
     for name, (plugin, known) in _PLUGINS.items():
         settings = hydra[name]
@@ -144,7 +144,7 @@ def check_plugins(hydra: DictConfig) -> None:
 
 
 def _advice_on_hydra(key: str) -> str:
-    """Name the key of our launcher or sweeper that is spelled most like one that there isn't."""
+    """Return a suggestion for a misspelt key of our launcher or sweeper, or an empty text."""
     group, _, name = key.rpartition(".")
     _, known = _PLUGINS.get(group.removeprefix("hydra."), (None, ()))
     near = difflib.get_close_matches(name, known, n=1)
@@ -152,7 +152,7 @@ def _advice_on_hydra(key: str) -> str:
 
 
 def _misuse_of_a_group(overrides: Sequence[Override]) -> ConfigError | None:
-    """Return the error of ``env=null``, or of a key of a logger that isn't chosen."""
+    """Return the error for ``env=null`` or for a key of a logger that isn't chosen, else None."""
     loggers = " ".join(str(each.input_line) for each in overrides if each.key_or_group == "logger")
     for override in overrides:
         key, line = override.key_or_group, override.input_line
@@ -162,7 +162,7 @@ def _misuse_of_a_group(overrides: Sequence[Override]) -> ConfigError | None:
         group, _, below = key.partition(".")
         name = below.partition(".")[0]
         if group == "logger" and name and name not in loggers:
-            return ConfigError(f"{line}: {name} isn't chosen; 'logger=[csv,{name}]' does that")
+            return ConfigError(f"{line}: {name} isn't chosen; 'logger=[csv,{name}]' chooses it")
     return None
 
 
@@ -173,7 +173,7 @@ def key_of(override: str) -> str:
 
 @contextmanager
 def _hydra() -> Iterator[None]:
-    """A block with Hydra on our ``conf/``. Its global state is restored afterwards."""
+    """Initialise Hydra with our ``conf/`` in a block, and restore its global state afterwards."""
     hydra, base = GlobalHydra.instance().hydra, version.getbase()
     GlobalHydra.instance().clear()
     try:

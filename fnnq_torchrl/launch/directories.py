@@ -7,9 +7,10 @@ from pathlib import Path
 
 
 def fresh_directory(path: str) -> str:
-    """Make the directory ``path`` or, if it exists already, ``path_2``, ``path_3``, ….
+    """Make the directory ``path`` or, if it exists, ``path_2``, ``path_3``, …; return its name.
 
-    Two jobs that start within a second never share one: the system makes it for the first only.
+    Two jobs that start at the same time get different directories, because only one of them can
+    make a directory.
     """
     name, number = path, 1
     while True:
@@ -21,10 +22,10 @@ def fresh_directory(path: str) -> str:
 
 
 class OutputDirectory:
-    """The directory of a job or a sweep, which can be put back to how it was.
+    """The directory of a job or a sweep, which can be restored to its earlier state.
 
     Args:
-        path: need not exist yet.
+        path: the directory, which need not exist yet.
     """
 
     def __init__(self, path: Path) -> None:
@@ -33,7 +34,7 @@ class OutputDirectory:
         self._before = {file: file.read_bytes() for file in self._configurations()}
 
     def restore(self) -> None:
-        """Undo what Hydra has written. Files of results are never touched."""
+        """Remove or restore the files that Hydra has written. Result files are never touched."""
         with suppress(OSError):
             if not self._new:
                 for file in self._configurations():
@@ -45,15 +46,15 @@ class OutputDirectory:
                 for child in self.path.iterdir():
                     shutil.rmtree(child) if child.is_dir() else child.unlink()
                 for empty in self._removable():
-                    empty.rmdir()  # raises at the first that isn't empty
+                    empty.rmdir()  # stops with an error at the first that isn't empty
 
     def _configurations(self) -> Iterator[Path]:
-        """Yield the files that Hydra overwrites."""
+        """Yield the existing files that Hydra would overwrite."""
         yield from self.path.glob("multirun.yaml")
         yield from self.path.glob(".hydra/*.yaml")
 
     def _removable(self) -> Iterator[Path]:
-        """Yield this directory, and upwards those above it within the current directory."""
+        """Yield this directory, then those of its parents that are in the current directory."""
         here, path = Path.cwd(), self.path.absolute()
         if path != here:
             yield path

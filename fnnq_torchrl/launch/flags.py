@@ -1,4 +1,4 @@
-"""Hydra's flags and the overrides of a command line."""
+"""Parses a command line into Hydra's flags and overrides."""
 
 from argparse import Namespace
 from collections.abc import Sequence
@@ -9,18 +9,21 @@ from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.arguments import OneLineParser
 
 _EXCLUSIVE = ("run", "multirun", "cfg", "info", "shell_completion", "hydra_help")
-"""The flags that each say what to do."""
+"""The flags that choose what the command does; only one may be given."""
 
 
 def hydra_arguments(typed: Sequence[str]) -> Namespace:
-    """Return Hydra's flags and the overrides, which may be typed in any order.
+    """Return the flags and the overrides of a command line, typed in any order.
 
-    ``--lam=0.2`` is taken as the override ``lam=0.2``, because the agents of sweep services type it
-    so. A flag of Hydra's stays one.
+    ``--lam=0.2`` is taken as the override ``lam=0.2``, because sweep services write overrides like
+    this. Hydra's own flags, such as ``--cfg=job``, stay flags.
+
+    Args:
+        typed: the arguments of the command.
 
     Raises:
-        ConfigError: two of the flags exclude each other.
-        SystemExit: a flag isn't known, or misses its value; one line has been written.
+        ConfigError: if two flags exclude each other, or ``--resolve`` is given without ``--cfg``.
+        SystemExit: if a flag is unknown or lacks its value; one line has been printed.
     """
     parser = OneLineParser(parents=[get_args_parser()], add_help=False, conflict_handler="resolve")
     parser.add_argument("--version", action="store_true")  # ours, not Hydra's
@@ -28,7 +31,7 @@ def hydra_arguments(typed: Sequence[str]) -> Namespace:
         argument.removeprefix("--")
         if argument.startswith("--")
         and "=" in argument
-        # Only the parser knows its flags: what it hands back isn't one.
+        # The parser returns arguments that are not flags.
         and parser.parse_known_args([argument])[1]
         else argument
         for argument in typed

@@ -1,7 +1,7 @@
-"""``from=DIR`` on the command line: an earlier job's configuration, taken as data.
+"""``from=DIR`` on the command line: takes the configuration of an earlier job, as data.
 
-Hydra gets it as one more choice of every group. So the other arguments change it as they change
-what is in ``conf/``.
+That configuration is given to Hydra as one more choice of every group. So the other overrides
+change it in the same way as they change ``conf/``.
 """
 
 import re
@@ -21,47 +21,48 @@ from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.config.values import LabelsConfig
 
 SAVED = "saved"
-"""The name of the job's configuration to Hydra, as a whole and as a choice of every group."""
+"""Hydra's name for the job's configuration, both for the whole and as a choice of a group."""
 
 _WORD = "from="
 
 _OF_TASK = ("env", "action", "evaluation")
-"""The groups that a task chooses."""
+"""The configuration groups whose choices a task sets."""
 
 
 def choose_primary(arguments: Sequence[str]) -> tuple[str, list[str]]:
     """Take ``from=DIR`` out of a command's arguments.
 
     Args:
-        arguments: as typed.
+        arguments: the arguments as typed.
 
     Returns:
         The name of the primary configuration for Hydra to compose, and the other arguments.
 
     Raises:
-        ConfigError: the directory isn't a job's, or its configuration can't be used.
+        ConfigError: if there are two ``from=``, the directory isn't that of a job, or the job's
+            configuration can't be used.
     """
     others = [argument for argument in arguments if not argument.startswith(_WORD)]
     words = [argument for argument in arguments if argument.startswith(_WORD)]
     if not words:
         return "config", others
     if len(words) > 1:
-        raise ConfigError(f"{' '.join(words)}: must be one job")
+        raise ConfigError(f"{' '.join(words)}: name one job")
     directory = Path(words[0].removeprefix(_WORD))
     _store(saved_config(directory, others), _saved_task(directory))
     return SAVED, others
 
 
 def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
-    """Return the configuration of a finished or begun job. Nothing in it is run.
+    """Return the configuration of a job, finished or not, without running anything in it.
 
     Args:
-        directory: the job's.
-        typed: what the user has typed. A class of a user's own is imported only if it is named here
-            too, as ``value.kind=module:Class``.
+        directory: the job's directory.
+        typed: the overrides that the user has typed. A class from outside this package is imported
+            only if these name it, too, as in ``value.kind=module:Class``.
 
     Raises:
-        ConfigError: there is no configuration there, or it is damaged or no longer valid.
+        ConfigError: if the directory has no configuration, or it is damaged or no longer valid.
     """
     path = directory / ".hydra" / "config.yaml"
     if not directory.is_dir():
@@ -74,20 +75,20 @@ def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
     if plain is None:
         raise ConfigError(f"{path} is damaged, or not a configuration")
     for key, value in flat(plain).items():
-        if re.search(r"\$\{.*:", str(value)):  # calls a function
+        if re.search(r"\$\{.*:", str(value)):  # a resolver, which is a function call
             raise ConfigError(f"{path}: {key}={value}: must be a plain value")
         if key.endswith(".kind") and is_own(value) and f"{key}={value}" not in typed:
             raise ConfigError(
-                f"{path}: {key}={value} runs somebody's own code; "
+                f"{path}: {key}={value} names code from outside fnnq_torchrl; "
                 f"if you trust it, add {key}={value} to the command"
             )
-    plain.pop("logger", None)  # a file from elsewhere doesn't say where to log
+    plain.pop("logger", None)  # a file from elsewhere must not choose where to log
     try:
         config = to_config(plain, own=True)
     except (ConfigError, OmegaConfBaseException) as error:
         raise ConfigError(f"{path}: {str(error).splitlines()[0]}") from error
     for key, value in flat(asdict(config)).items():
-        if "${" in str(value):  # put together from several plain values
+        if "${" in str(value):  # interpolations that only together form a reference
             raise ConfigError(f"{path}: {key}={value}: must be a plain value")
     return config
 
@@ -102,7 +103,7 @@ def parse_configuration(text: bytes) -> dict[str, Any] | None:
 
 
 def _saved_task(directory: Path) -> str:
-    """Return the job's task, or the default one if the directory doesn't say."""
+    """Return the name of the job's task, or the default task if the directory has none."""
     path = directory / ".hydra" / "hydra.yaml"
     found: Any = parse_configuration(path.read_bytes()) if path.is_file() else None
     for key in ("hydra", "runtime", "choices", "task"):
@@ -111,7 +112,7 @@ def _saved_task(directory: Path) -> str:
 
 
 def _labels(config: Config, task: str) -> dict[str, Any]:
-    """Return the labels that another value function would get: the job's own, or its task's."""
+    """Return the labels for another value function: those of the job or else of its task."""
     value = asdict(config.value)
     if isinstance(config.value, LabelsConfig):
         return {key: value[key] for key in ("inputs", "action", "names")}
@@ -120,11 +121,11 @@ def _labels(config: Config, task: str) -> dict[str, Any]:
 
 
 def _store(config: Config, task: str) -> None:
-    """Give Hydra a configuration in the form of ``conf/config.yaml`` and its groups.
+    """Register a configuration with Hydra, in the form of ``conf/config.yaml`` and its groups.
 
     Args:
-        config: the job's.
-        task: the job's, whose labels another value function would have.
+        config: the job's configuration.
+        task: the name of the job's task.
     """
     primary = yaml.safe_load((config_directory() / "config.yaml").read_bytes())
     values, store = asdict(config), ConfigStore.instance()
@@ -145,6 +146,6 @@ def _store(config: Config, task: str) -> None:
         elif group == "task":
             choice = SAVED
         elif not group.startswith(("override ", "optional ")):
-            choice = None  # its keys are among the others, until a choice of it is typed
+            choice = None  # its values are top-level keys, unless a choice is typed
         defaults.append({group: choice})
     store.store(name=SAVED, node=values | {"hydra": primary["hydra"], "defaults": defaults})

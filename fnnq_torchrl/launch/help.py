@@ -1,4 +1,4 @@
-"""The command's help page, whose keys, defaults and words are those of ``conf/``."""
+"""The command's help page, made from the keys, defaults and comments of ``conf/``."""
 
 import re
 import shutil
@@ -30,7 +30,7 @@ Flags
   --version            show the version
   --hydra-help         show Hydra's own flags
 
-A job that was interrupted goes on if the same command is given its directory, hydra.run.dir=DIR or
+To continue an interrupted job or sweep, repeat its command with its directory, hydra.run.dir=DIR or
 hydra.sweep.dir=DIR.
 """
 
@@ -49,8 +49,8 @@ def _keys(text: str, width: int) -> Iterator[str]:
     """Yield the top-level keys of ``config.yaml`` in its order, with their comments.
 
     Args:
-        text: of the file. A comment stands behind its key or in the lines right above it.
-        width: of the page.
+        text: the text of the file. A comment follows its key or is on the lines right above it.
+        width: the columns of the page.
     """
     above: list[str] = []
     group, begun = "", False

@@ -1,7 +1,7 @@
 """Runs the jobs of a Hydra multirun in batches, whose jobs differ only in per-run values.
 
-Each job has what Hydra promises: its own directory with ``.hydra``, log and result files, and its
-return value. The plugin itself is ``hydra_plugins/fnnq_torchrl.py``.
+Each job has all that Hydra gives to a job: its own directory with ``.hydra``, log and result files,
+and a return value. The plugin that Hydra loads is ``hydra_plugins/fnnq_torchrl.py``.
 """
 
 import logging
@@ -38,16 +38,16 @@ log = logging.getLogger(__name__)
 
 
 class Multirun:
-    """The jobs of one multirun, as many as its sweeper asks for.
+    """One multirun; its sweeper launches jobs once or several times.
 
     Args:
-        settings: those of ``conf/hydra/launcher/batch.yaml``.
-        context: Hydra's.
+        settings: the launcher's settings, as in ``conf/hydra/launcher/batch.yaml``.
+        context: Hydra's context.
         config: the configuration of the multirun itself.
-        run_batches: trains.
+        run_batches: the function that trains batches.
 
     Raises:
-        ConfigError: a setting isn't allowed.
+        ConfigError: if a setting isn't allowed.
     """
 
     def __init__(
@@ -65,15 +65,19 @@ class Multirun:
         self._loggers: Loggers | None = None  # made when there is a job to run
 
     def launch(self, job_overrides: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
-        """Run some more jobs, those that aren't finished already.
+        """Run the next jobs of the multirun; jobs that are finished already are not run again.
 
         Args:
-            job_overrides: those of each job.
-            first: the number of the first job.
+            job_overrides: the overrides of each job.
+            first: the number of the first of these jobs.
+
+        Returns:
+            Hydra's return value of each job.
 
         Raises:
-            ConfigError: a job isn't valid, or its directory is another's; nothing has run.
-            JobFailed: a result file of a finished job is damaged.
+            ConfigError: if a job isn't valid, or its directory holds another job. It is raised
+                before any of these jobs runs.
+            JobFailed: if a result file of a finished job is damaged.
         """
         self._log()
         jobs = compose_jobs(self._context.config_loader, self._config, job_overrides, first)
@@ -92,7 +96,7 @@ class Multirun:
             job.write_configuration()
         with env_override(self._config.hydra.job.env_set):
             results = self._run(missing, pictures)
-        if pictures:  # a finished job may have been killed before it drew its own
+        if pictures:  # a job may have been killed between its results and its picture
             _draw([job for job in jobs if job.directory not in results])
         try:
             returns = [self._end(job, results) for job in jobs]
@@ -100,12 +104,12 @@ class Multirun:
             self._jobs += jobs
             self._write_whole()
         except ValueError as error:
-            advice = "without its summary.json, the job is computed again"
+            advice = "remove its summary.json to compute the job again"
             raise JobFailed(f"{error}; {advice}") from error
         return returns
 
     def end(self) -> None:
-        """Log the sweep as a whole, unless nothing in it is new, and close the loggers."""
+        """Log the sweep as a whole and close the loggers; does nothing if no job has run."""
         if self._loggers is None:
             return
         from fnnq_torchrl.training.loggers import SweepResults
@@ -121,7 +125,7 @@ class Multirun:
         batches = in_batches([job.job for job in jobs], self._settings.max_batch_size)
         log.info(f"{self._directory}: jobs to run: {len(jobs):,}, batches: {len(batches):,}")
         if self._loggers is None:
-            from fnnq_torchrl.training.loggers import Loggers  # after the checks: scipy is slow
+            from fnnq_torchrl.training.loggers import Loggers  # after the checks: it imports scipy
 
             self._loggers = Loggers()
         if self._settings.cluster == "none":
@@ -140,7 +144,7 @@ class Multirun:
         }
 
     def _log(self) -> None:
-        """Log to the sweep's file again: jobs that Hydra ran have redirected the log to theirs."""
+        """Direct the log to the sweep's file; each job that Hydra runs redirects it to its own."""
         HydraConfig.instance().set_config(self._config)
         configure_log(self._config.hydra.hydra_logging, self._config.hydra.verbose)
 
@@ -163,7 +167,7 @@ class Multirun:
             raise result  # a bug keeps its traceback
 
         if self._context.callbacks.callbacks or isinstance(result, Exception):
-            return run_job(  # Hydra's own way, which is slow
+            return run_job(  # slow; needed for callbacks and to log errors
                 hydra_context=self._context,
                 task_function=outcome,
                 config=job.node(),
@@ -180,7 +184,7 @@ class Multirun:
         )
 
     def _write_whole(self) -> None:
-        """Write the sweep's own files, over all of its jobs so far."""
+        """Write the files of the sweep as a whole, with all jobs launched so far."""
         from fnnq_torchrl.launch.sweep import SweptResult, write_sweep
         from fnnq_torchrl.training.score import Score
 
@@ -197,7 +201,7 @@ class Multirun:
 
 
 def _draw(jobs: Sequence[SweptJob]) -> None:
-    """Draw the learning curves that some finished jobs lack."""
+    """Draw the learning curve of each of these finished jobs that has none."""
     for job in jobs:
         if not (job.directory / PICTURE).exists():
             from fnnq_torchrl.training.drawing import draw_job  # scipy takes a second
@@ -212,5 +216,5 @@ def _check_directories(jobs: Sequence[SweptJob]) -> None:
         if other is not job:
             raise ConfigError(
                 f"{job}: {job.directory} is also the directory of {other}; "
-                "hydra.sweep.subdir must tell them apart"
+                "hydra.sweep.subdir must differ between jobs"
             )

@@ -1,6 +1,6 @@
 """The files of a sweep as a whole: its evaluations.csv, summary.csv and learning_curves.png.
 
-They are made from the result files of its jobs alone.
+They are made only from the result files of the jobs.
 """
 
 import csv
@@ -27,7 +27,7 @@ from fnnq_torchrl.training.score import Score
 from fnnq_torchrl.training.terminal import print_sweep
 
 _WHICH_RUNS = ("seed", "num_seeds")
-"""Keys that say which runs there are, and have no say in how they learn."""
+"""Keys that choose the seeds of the runs, and so don't make another configuration."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class SweptResult:
     """A job of a sweep, finished or not.
 
     Attributes:
-        number: the job's in its sweep.
-        overrides: the values that the sweep gave it, by key.
-        directory: with the result files.
-        score: that of its configuration.
+        number: the number of the job in its sweep.
+        overrides: the values that the sweep gave the job, by key.
+        directory: the directory with the job's result files.
+        score: the score of the job's tests.
     """
 
     number: int
@@ -50,12 +50,12 @@ class SweptResult:
 def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
     """Write a sweep's own files into its directory, and print its table.
 
-    A job without a summary hasn't finished. It has a row in summary.csv with its keys alone, and is
-    left out of the other files.
+    An unfinished job, which has no summary.json, has a row in summary.csv with its keys alone, and
+    is left out of the other files.
 
     Raises:
-        OSError: a file can't be read or written.
-        ValueError: a result file is damaged; the message names it.
+        OSError: if a file can't be read or written.
+        ValueError: if a result file is damaged; the message names the file.
     """
     clear_leftovers(directory)
     keys = swept_keys(jobs)
@@ -73,12 +73,12 @@ def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
 
 
 def _show(directory: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> None:
-    """Draw the curves of finished jobs and print their table: one for each score, if they differ.
+    """Draw the curves of finished jobs and print their scores, separately for each kind of score.
 
     Args:
-        directory: that of the sweep.
-        jobs: finished.
-        keys: whose values tell a configuration from another.
+        directory: the directory of the sweep.
+        jobs: the finished jobs.
+        keys: the keys in which the configurations differ.
     """
     by_score: dict[str, list[SweptResult]] = {}
     for job in jobs:
@@ -95,11 +95,11 @@ def _show(directory: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> 
         scores = [(curve.label, curve.mean_score) for curve in curves]
         print_sweep(scores, picture if picture.exists() else None, score)
     for other in {*directory.glob("learning_curves*.png")} - {*pictures}:
-        other.unlink()  # of the jobs so far, before there was another score
+        other.unlink()  # drawn when the jobs so far had other kinds of score
 
 
 def swept_keys(jobs: Sequence[SweptResult]) -> list[str]:
-    """Return the keys in which the jobs differ, in the order in which they were given."""
+    """Return the keys whose values differ between jobs, in the order of the overrides."""
     keys = dict.fromkeys(key for job in jobs for key in job.overrides)
     return [key for key in keys if len({job.overrides.get(key) for job in jobs}) > 1]
 
@@ -126,7 +126,7 @@ def _write_summaries(
 
 
 def _columns(summary: Summary) -> dict[str, object]:
-    """Return a job's summary in columns, two for an interval."""
+    """Return the columns of a job's summary; an interval has a column for each bound."""
     columns: dict[str, object] = {}
     for key, value in summary.items():
         if key.endswith("_interval"):
@@ -134,14 +134,14 @@ def _columns(summary: Summary) -> dict[str, object]:
             name = key.removesuffix("_interval")
             columns |= {f"{name}_low": low, f"{name}_high": high}
         else:
-            # A job has one λ: its runs differ in their seeds alone.
+            # All runs of a job have the same λ; they differ only in their seeds.
             columns[key] = value[0] if isinstance(value, list) else value
     return columns
 
 
 def _write_evaluations(path: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> None:
-    """Write the rows of all jobs, each followed by the job's number and swept values."""
-    further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # a row has these
+    """Write the evaluations of all jobs, with the job's number and swept values in each row."""
+    further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # already columns
     names = [f"config.{key}" if key in EVALUATION_COLUMNS else key for key in further]
     with atomic_write(path) as file:
         file.write(_row([*EVALUATION_COLUMNS, *names]).encode())
@@ -149,7 +149,7 @@ def _write_evaluations(path: Path, jobs: Sequence[SweptResult], keys: Sequence[s
             values = {**job.overrides, "job": job.number}
             behind = "," + _row([values.get(key, "") for key in further])
             with open(job.directory / "evaluations.csv", encoding="utf-8") as rows:
-                next(rows)  # its header
+                next(rows)  # skips the header
                 file.write("".join(row.rstrip("\n") + behind for row in rows).encode())
 
 
@@ -160,11 +160,11 @@ def _row(values: Sequence[object]) -> str:
 
 
 def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
-    """Return a curve for each configuration, over all its runs, in the order of its first job.
+    """Return a curve for each configuration, over all its runs, in the order of the jobs.
 
     Args:
-        jobs: finished.
-        keys: whose values tell a configuration from another.
+        jobs: the finished jobs.
+        keys: the keys in which the configurations differ.
     """
     groups: dict[tuple[str | None, ...], list[Evaluations]] = {}
     for job in jobs:
@@ -189,7 +189,7 @@ def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
 
 
 def _words(key: str, value: str) -> str:
-    """Return a key with its value, a number to four digits."""
+    """Return the words for a key and its value; numbers are rounded to four digits."""
     try:
         return setting_words(key, float(f"{float(value):.4g}"))
     except ValueError:

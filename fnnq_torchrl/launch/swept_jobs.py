@@ -1,6 +1,6 @@
-"""The jobs of a Hydra multirun, composed once for all that differ only in per-run values.
+"""The jobs of a Hydra multirun. Jobs that differ only in per-run values are composed once.
 
-Hydra takes a tenth of a second or more to compose a job, and many jobs learn in less.
+Composing a job with Hydra takes a tenth of a second or more, longer than many jobs learn.
 """
 
 import copy
@@ -24,19 +24,22 @@ from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE, RESULTS, SNAPSHOTS, TRA
 
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
-_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # in C if there is one: faster
+_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the one in C is faster
 
 
 class _Template:
-    """The composition of one job, from which jobs with other per-run values are made.
+    """The configuration of one job, from which jobs with other per-run values are made.
+
+    Args:
+        node: the configuration that Hydra composed, with the ``hydra`` node.
 
     Attributes:
-        node: the whole configuration, with the ``hydra`` node.
-        config: the valid configuration, without it.
-        task: all but the ``hydra`` node as plain values, interpolations unresolved.
-        hydra: that node, likewise.
-        sweep_directory: absolute.
-        log_files: their paths below a job's directory.
+        node: the same, with ``hydra.runtime.output_dir`` set.
+        config: the valid configuration, without the ``hydra`` node.
+        task: all but the ``hydra`` node, as plain values with unresolved interpolations.
+        hydra: the ``hydra`` node, as plain values with unresolved interpolations.
+        sweep_directory: the absolute path of the sweep's directory.
+        log_files: the paths of a job's log files, relative to the job's directory.
     """
 
     def __init__(self, node: DictConfig) -> None:
@@ -48,17 +51,17 @@ class _Template:
             node.hydra.runtime.output_dir = "."
         handlers = (node.hydra.job_logging or {}).get("handlers") or {}
         self.log_files = [each.filename for each in handlers.values() if "filename" in each]
-        # Most of the text is the same for all.
+        # Made once, because most of the text is the same in all jobs.
         self._task_texts = {key: _yaml({key: value}) for key, value in self.task.items()}
         self._hydra_texts = {key: _section(key, value) for key, value in self.hydra.items()}
 
     def config_yaml(self, values: Mapping[str, float]) -> str:
-        """Return the text of a job's config.yaml, with its per-run values."""
+        """Return the text of the config.yaml of a job with these per-run values."""
         own = {key: _yaml({key: value}) for key, value in values.items()}
         return "".join((self._task_texts | own).values())
 
     def hydra_yaml(self, sections: Mapping[str, Mapping[str, Any]]) -> str:
-        """Return the text of a job's hydra.yaml, with its values in some of the sections."""
+        """Return the text of a job's hydra.yaml, with these values in these sections."""
         own = {key: _section(key, self.hydra[key] | sections[key]) for key in sections}
         return "hydra:\n" + "".join((self._hydra_texts | own).values())
 
@@ -68,10 +71,10 @@ class SweptJob:
 
     Attributes:
         number: the job's number in its sweep.
-        overrides: the job's, as the sweeper gave them.
-        task_overrides: those of them that aren't about Hydra itself.
+        overrides: the job's overrides, as the sweeper gave them.
+        task_overrides: the overrides without those of ``hydra`` keys.
         config: the job's valid configuration.
-        directory: absolute; need not exist yet.
+        directory: the absolute path of the job's directory, which need not exist yet.
     """
 
     def __init__(
@@ -83,7 +86,7 @@ class SweptJob:
         ]
         self.config = replace(template.config, **values)
         self._template, self._values = template, values
-        # The rest is named as Hydra would name it.
+        # The names and the directory are those that Hydra would give.
         hydra = template.hydra
         how = hydra["job"]["config"]["override_dirname"]
         named = [line for line in self.task_overrides if key_of(line) not in how["exclude_keys"]]
@@ -102,11 +105,11 @@ class SweptJob:
 
     @property
     def job(self) -> Job:
-        """The job to train, without what only Hydra needs."""
+        """The job to train: configuration, directory and sweep directory."""
         return Job(self.config, self.directory, self._template.sweep_directory)
 
     def node(self) -> DictConfig:
-        """Return what Hydra composes for the job, with the ``hydra`` node. This is slow."""
+        """Return the job's configuration as Hydra composes it, with the ``hydra`` node; slow."""
         node = copy.deepcopy(self._template.node)
         with read_write(node.hydra), open_dict(node.hydra.job):
             node.hydra.job.update(self._names)
@@ -115,7 +118,7 @@ class SweptJob:
         return node
 
     def write_configuration(self) -> None:
-        """Make the directory, and in it the ``.hydra`` that `hydra.core.utils.run_job` makes."""
+        """Make the directory, and write the ``.hydra`` files that Hydra's ``run_job`` writes."""
         self._hydra_directory.mkdir(parents=True, exist_ok=True)
         clear_leftovers(self._hydra_directory)
         sections = {
@@ -132,10 +135,10 @@ class SweptJob:
                 file.write(text.encode())
 
     def is_finished(self) -> bool:
-        """Return whether the directory holds this job's result.
+        """Return whether the directory holds this job's results.
 
         Raises:
-            ConfigError: it holds another job.
+            ConfigError: if the directory holds another job.
         """
         try:
             saved = (self._hydra_directory / "config.yaml").read_bytes()
@@ -159,12 +162,12 @@ class SweptJob:
                 )
 
     def clear(self) -> None:
-        """Remove what a kill at the very end has left beside the results."""
+        """Remove the temporary files of a finished job that was killed before it removed them."""
         clear_leftovers(self.directory)
         (self.directory / TRAINING).unlink(missing_ok=True)
 
     def touch_logs(self) -> None:
-        """Make the log files of a job that had nothing to log."""
+        """Make the log files of a job, empty if they don't exist."""
         for name in self._template.log_files:
             (self.directory / name).touch()
 
@@ -172,16 +175,16 @@ class SweptJob:
 def compose_jobs(
     loader: ConfigLoader, master: DictConfig, job_overrides: Sequence[Sequence[str]], first: int
 ) -> list[SweptJob]:
-    """Return the jobs of a multirun, all of them valid.
+    """Compose the jobs of a multirun, and check them.
 
     Args:
-        loader: Hydra's.
+        loader: Hydra's loader of configurations.
         master: the configuration of the multirun itself.
-        job_overrides: those of each job, as a sweeper gives them.
+        job_overrides: the overrides of each job, as a sweeper gives them.
         first: the number of the first job.
 
     Raises:
-        ConfigError: a job isn't valid; says which, and its overrides.
+        ConfigError: if a job isn't valid; of several jobs, the message names the job.
     """
     templates: dict[tuple[str, ...], _Template] = {}
 
@@ -191,7 +194,7 @@ def compose_jobs(
         template = templates.get(kind)
         if template is None:
             template = _Template(loader.load_sweep_config(master, list(overrides)))
-            # A value that refers to another may differ from job to job.
+            # An interpolated value may depend on a per-run value, so it can't be shared.
             if "${" not in template.config_yaml({}):
                 templates[kind] = template
         return SweptJob(number, overrides, template, values)
@@ -209,9 +212,9 @@ def compose_jobs(
 
 
 def _number(override: str) -> tuple[str, float] | None:
-    """Return key and value of an override that sets a per-run value to a number, or None.
+    """Return the key and the value of an override that sets a per-run key to a number, or None.
 
-    Such an override needs no composing; all others are left to Hydra.
+    These overrides are applied without Hydra; it composes all others.
     """
     key, _, text = override.partition("=")
     if key in ("seed", "num_seeds"):

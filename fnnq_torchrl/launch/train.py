@@ -1,4 +1,4 @@
-"""The train command: its jobs, and what Hydra's command line makes of them."""
+"""The train command, and the functions by which it trains a job or batches of jobs."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def train(config: Config, directory: Path) -> float:
-    """Train the runs of one job, and write the results into ``directory``."""
+    """Train the runs of a job, write its results into ``directory``, and return its mean score."""
     from fnnq_torchrl.training.job import run_job  # after the checks: torch takes seconds to import
 
     return run_job(config, directory)

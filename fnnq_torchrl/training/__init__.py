@@ -1,1 +1,1 @@
-"""A job, from its configuration to its files."""
+"""Training: from the configuration of a job to its result files."""

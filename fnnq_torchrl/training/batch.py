@@ -1,4 +1,4 @@
-"""Jobs that train side by side in one batch of runs."""
+"""A batch: jobs whose runs train side by side."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -14,20 +14,21 @@ class Batch:
     """Jobs whose runs are trained together.
 
     Args:
-        jobs: one or more, which differ only in the keys of `BATCHABLE`.
-        part: the place of this batch among several, in words.
+        jobs: one or more jobs, which differ only in the keys of `BATCHABLE`.
+        part: the words for this batch among several, such as ``batch 2 of 3``.
 
     Attributes:
-        jobs: all jobs.
-        label: the beginning of each line about this batch.
-        config: the first job's; the others' have other values of those keys.
-        size: the number of runs of all jobs.
-        engine: runs the steps.
-        directory: that of the last job, where the batch's training is saved. The last job's own
-            files are written after all others, so the training is there until all are written.
+        jobs: the jobs.
+        label: the beginning of each log line about this batch.
+        config: the configuration of the first job. Those of the others differ only in the keys of
+            `BATCHABLE`.
+        size: the number of runs, of all jobs together.
+        engine: the engine that runs the steps.
+        directory: the directory of the last job, where the unfinished training is saved. The files
+            of the last job are written last, so the saved training stays until all are written.
 
     Raises:
-        ConfigError: the engine must compile, and there is no C++ compiler.
+        ConfigError: if the engine must compile, and there is no C++ compiler.
     """
 
     def __init__(self, jobs: Sequence[Job], part: str = "") -> None:
@@ -40,5 +41,5 @@ class Batch:
 
     @cached_property
     def runs(self) -> Runs:
-        """The runs of all jobs, in the order of the jobs."""
+        """The per-run values of all jobs, in the order of the jobs."""
         return Runs.of([job.config for job in self.jobs])

@@ -1,4 +1,4 @@
-"""Pictures beside the numbers. A failure to draw one is told in a line, and stops nothing."""
+"""Draws the learning curves of jobs and sweeps. A failure is reported and stops nothing."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -20,7 +20,7 @@ def draw_job(job: Job) -> None:
 
 
 def draw_sweep(curves: Sequence[Curve], of: str, picture: Path, score: Score) -> None:
-    """Draw the learning curves of a sweep: see `sweep_curves`."""
+    """Draw the learning curves of a sweep; the arguments are those of `sweep_curves`."""
     with _optional(picture):
         from fnnq_torchrl.training.pictures.curves import sweep_curves
 
@@ -29,14 +29,14 @@ def draw_sweep(curves: Sequence[Curve], of: str, picture: Path, score: Score) ->
 
 @contextmanager
 def _optional(picture: Path) -> Iterator[None]:
-    """A block that draws a picture, after whose failure the work goes on.
+    """Report any failure of a block that draws a picture, and let the work go on.
 
-    Matplotlib is imported within it, since its user's settings can make that fail, too.
+    The block should import Matplotlib, too, because a user's settings can make the import fail.
     """
     try:
         yield
-    except Exception as error:  # of any kind: no number depends on it
-        with suppress(OSError):  # an earlier one shows other numbers
+    except Exception as error:  # of any kind, since no number depends on the picture
+        with suppress(OSError):  # an earlier picture, which shows other numbers
             picture.unlink()
         reason = " ".join(str(error).split()) or type(error).__name__
         announce(f"going on without {picture}, which can't be drawn: {reason}")

@@ -1,4 +1,4 @@
-"""The test: the runs play situations of their world greedily (ε = 0), without learning."""
+"""The test of the learned weights: greedy play (ε = 0) without learning."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,20 +17,20 @@ from fnnq_torchrl.engine.choice import Engine
 from fnnq_torchrl.engine.loops import Step
 
 FIRST_EPISODE = 2**32
-"""The number of the first evaluated episode.
+"""The number of the first episode of an evaluation; it selects the episode's random numbers.
 
-Learning never gets this far, so no evaluation has the random numbers of an episode of learning.
+Episodes of learning have smaller numbers, so an evaluation never repeats their random numbers.
 """
 
 
 @dataclass(frozen=True)
 class GreedyTest:
-    """The world that an evaluation plays in, and the policy that plays.
+    """The world, the value network and the starting situations of an evaluation.
 
     Attributes:
-        world: the one to play in.
-        network: the value network, whose weights the snapshots replace.
-        situations: fixed starts, ``[tests, values]``, or the number of random starts.
+        world: the configuration of the world.
+        network: the value network; the weights of each snapshot are used in place of its own.
+        situations: the fixed starts, ``[tests, values]``, or the number of random starts.
     """
 
     world: WorldConfig
@@ -43,16 +43,16 @@ class GreedyTest:
         return self.situations if isinstance(self.situations, int) else len(self.situations)
 
     def make_env(self, lanes: int) -> PureEnv:
-        """Make the world for this number of lanes."""
+        """Make the world for a batch of ``lanes`` episodes."""
         like = self.network.candidates
         return make_world(self.world, [lanes], seed=0, dtype=like.dtype, device=like.device)
 
     def starts(self, number: Tensor) -> Tensor | None:
-        """Return the fixed starts with these numbers, ``[lanes, values]``; None if random."""
+        """Return the fixed starts with these indices, ``[lanes, values]``, or None if random."""
         return None if isinstance(self.situations, int) else self.situations[number]
 
     def make_step(self, lanes: int) -> Step:
-        """Make the step of playing for this number of lanes."""
+        """Make the function that plays one step of ``lanes`` episodes."""
         env, policy = self.make_env(lanes), EpsilonGreedyPolicy(self.network, epsilon=0.0)
 
         def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
@@ -75,7 +75,7 @@ class GreedyTest:
 
 
 def no_results(evaluations: int, runs: int, tests: int, dtype: torch.dtype) -> TensorDict:
-    """Return the results of a test before it is played.
+    """Return the empty results of a test that has not been played yet.
 
     Returns:
         Batch size ``[evaluations, runs, tests]``: ``played`` and ``success`` (bool), ``return``
@@ -94,18 +94,18 @@ def no_results(evaluations: int, runs: int, tests: int, dtype: torch.dtype) -> T
 
 
 class Playing:
-    """The :class:`.Task` of a test: each situation of each snapshot of weights is a job.
+    """A scheduler's task that plays a test: each situation of each weight snapshot is a job.
 
-    Random numbers are the run's own, new ones for every evaluation.
+    Each run has its own random numbers, and different ones in each evaluation.
 
     Args:
         test: the test to play.
-        seed: the runs' seeds, int64 ``[runs, 1]``.
-        weights: the snapshots, by the network's names, batch size ``[evaluations, runs]``.
-        results: as :func:`no_results` makes them; kept up to date.
-        engine: makes the loop.
+        seed: the seed of each run, int64 ``[runs, 1]``.
+        weights: the weight snapshots, by parameter name, batch size ``[evaluations, runs]``.
+        results: the results so far, as from :func:`no_results`; updated in place.
+        engine: the engine that makes the loop of steps.
         lanes: the number of situations that are played side by side.
-        on_progress: called with the number of situations played so far, of all snapshots together.
+        on_progress: called with the number of situations played so far, over all snapshots.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class Playing:
 
     @property
     def jobs(self) -> Tensor:
-        """The numbers of the situations that aren't played yet, int64."""
+        """The job numbers of the situations not played yet, int64 ``[jobs]``."""
         return (~self._results["played"]).nonzero().squeeze(-1)
 
     def begin(self, jobs: Tensor) -> tuple[TensorDict, TensorDict]:

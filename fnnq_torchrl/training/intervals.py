@@ -1,4 +1,4 @@
-"""The interval of a mean over runs."""
+"""The confidence interval of a mean over runs."""
 
 from math import inf
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from scipy.special import stdtrit  # scipy.stats has it too, but takes long to i
 
 
 class MeanInterval(NamedTuple):
-    """A mean and the bounds of its confidence interval, each shaped like the reduced samples."""
+    """Means and the bounds of their confidence intervals, each without the axis of the samples."""
 
     mean: NDArray[np.float64]
     low: NDArray[np.float64]
@@ -22,26 +22,26 @@ def mean_interval(
     confidence: float = 0.95,
     bounds: tuple[float, float] = (-inf, inf),
 ) -> MeanInterval:
-    """Mean over ``axis``, normally the runs, with Student's t interval of that mean.
+    """Return the mean over ``axis``, normally the runs, and its Student's t interval.
 
         mean ± t(½(1 + confidence), n − 1) · s / √n
 
-    Of a bounded score, the part of the interval beyond the bounds is cut off. The expectation can't
-    lie there, so the interval covers it exactly as often as without the cut.
+    The interval is cut off at the bounds of the score. The expectation lies within these bounds, so
+    cutting doesn't change the probability that the interval covers it.
 
     Args:
-        samples: numbers or an array of them, independent of each other along ``axis``.
-        axis: along which the n samples lie; each place on the other axes is a case of its own.
-        confidence: probability with which the interval covers the expectation, in (0, 1); exact
-            for normal samples, approximate for others.
+        samples: numbers that are independent of each other along ``axis``.
+        axis: the axis of the n samples; each place on the other axes has its own mean.
+        confidence: the probability that the interval covers the expectation, in (0, 1); exact for
+            normal samples, approximate for others.
         bounds: the lowest and the highest possible sample.
 
     Returns:
-        The mean and the bounds of the interval, in the samples' own unit and without ``axis``. The
-        latter are NaN for n = 1, since one sample says nothing about the spread.
+        The mean and the bounds of the interval, in the samples' unit, of the samples' shape without
+        ``axis``. For n = 1 the bounds are NaN, since one sample says nothing about the spread.
 
     Raises:
-        ValueError: no samples along ``axis``, or ``confidence`` outside (0, 1).
+        ValueError: if there are no samples along ``axis``, or ``confidence`` is outside (0, 1).
     """
     samples = np.asarray(samples, dtype=np.float64)
     n = samples.shape[axis]
@@ -50,7 +50,7 @@ def mean_interval(
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"confidence must lie between 0 and 1, got {confidence}")
 
-    # Measured from the first sample, equal samples have exactly their own mean and no spread.
+    # Relative to the first sample, so that equal samples have an exact mean and no spread.
     origin = samples.take(0, axis=axis)
     deviations = samples - np.expand_dims(origin, axis)
     mean = np.asarray(origin + deviations.mean(axis=axis))

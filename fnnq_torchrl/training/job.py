@@ -1,4 +1,4 @@
-"""Jobs, from their configurations to the files of their output directories."""
+"""Trains jobs and writes the files of their output directories."""
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -36,32 +36,34 @@ from fnnq_torchrl.training.trainer import Trainer
 from fnnq_torchrl.training.weights import save_checkpoint, save_snapshots
 
 _WRITERS = 8
-"""Threads that write files of different jobs."""
+"""The number of threads that write files; each writes those of one job at a time."""
 
 _NAMED = 5
-"""At most so many seeds of diverged runs are printed."""
+"""The most seeds of diverged runs that a line names."""
 
 
 def run_job(config: Config, directory: Path) -> float:
     """Train all runs of a job, write its files and print its table.
 
-    The files are, in this order, ``checkpoint.pt``, ``snapshots.pt`` with
-    ``checkpoint.snapshots=true``, ``evaluations.csv``, ``summary.json`` and, if it can be drawn,
-    ``learning_curve.png``.
+    The files are written in this order: ``checkpoint.pt``, ``snapshots.pt`` (only with
+    ``checkpoint.snapshots=true``), ``evaluations.csv``, ``summary.json``, ``learning_curve.png``
+    (unless drawing fails).
 
     Returns:
-        The objective, the mean score over the runs.
+        The mean score over the runs, which is the job's objective.
 
     Raises:
-        OutOfRange: the machine lacks the device.
-        Interrupted: a signal has ended the work, which is saved.
-        Lost: a signal has ended the work, which couldn't be saved.
-        ConfigError: the job needs more memory than is free; a saved training is damaged or belongs
-            to another job; or the engine must compile, and the compiler is missing or fails.
-        OSError: a file can't be written.
+        OutOfRange: if the machine lacks the device.
+        Interrupted: if a signal has ended the work, and the work is saved.
+        Lost: if a signal has ended the work, and the work couldn't be saved.
+        ConfigError: if the job needs more memory than is free; a saved training is damaged or
+            belongs to another job; or the engine must compile, and the compiler is missing or
+            fails.
+        OSError: if a file can't be read or written.
+        JobFailed: if a score is NaN or infinite.
     """
     with closing(Loggers()) as loggers:
-        # A signal that came while the files were written is ignored: the job is finished.
+        # The generator isn't run to its end, where it would obey a signal: the job is finished.
         [result] = next(run_batches([[Job(config, directory)]], pictures=True, loggers=loggers))
         if isinstance(result, Exception):
             raise result
@@ -78,30 +80,33 @@ def run_batches(
     loggers: Loggers | None = None,
     interruptions: Interruptions | None = None,
 ) -> Iterator[list[float | Exception]]:
-    """Train the jobs of each batch side by side.
+    """Train one batch after the other; the jobs of a batch train side by side.
 
-    A job's files are the same as if it were trained alone, bit for bit, except for the wall times
-    in ``summary.json``: these are the batch's.
+    A job's files are the same, bit for bit, as if it were trained alone. Only the wall times in
+    ``summary.json`` differ: they are those of the whole batch.
 
     Args:
-        batches: each of jobs that differ only in `fnnq_torchrl.training.jobs.BATCHABLE`.
-        pictures: draw each job's ``learning_curve.png``, which takes longer than some runs take to
-            learn.
-        loggers: those of the command, which closes them. By default, these jobs have their own.
-        interruptions: tell when to save and when to end. By default, each batch has its own, which
-            save every ``checkpoint.every_s``.
+        batches: the batches. The jobs of a batch differ only in the keys of
+            `fnnq_torchrl.training.jobs.BATCHABLE`.
+        pictures: whether to draw each job's ``learning_curve.png``. Drawing takes longer than some
+            runs take to learn.
+        loggers: the command's loggers; the caller closes them. By default, new ones are made here,
+            and closed at the end.
+        interruptions: the object that says when to save and when to end. By default, each batch
+            makes one that saves every ``checkpoint.every_s``.
 
     Yields:
-        The results of each batch's jobs. A job that fails does not affect the others.
+        The results of the jobs of a batch, batch after batch. The result of a failed job is its
+        exception; the other batches go on.
 
     Raises:
-        OutOfRange: the machine lacks a device; before any batch begins.
-        ConfigError: before any batch begins: one needs more memory than is free, a saved training
-            is damaged or belongs to other jobs, or a logger lacks its library or its login. Later:
-            an engine must compile, and the compiler is missing or fails.
-        Interrupted: a signal has ended the work, which is saved. A signal that comes while files
-            are written or logged ends the work after that batch, whose results are yielded first.
-        Lost: a signal has ended the work, which couldn't be saved.
+        OutOfRange: if the machine lacks a device; raised before any batch begins.
+        ConfigError: if a batch needs more memory than is free, a saved training is damaged or
+            belongs to other jobs, or a logger lacks its library or its login; raised before any
+            batch begins. Later, if an engine must compile, and the compiler is missing or fails.
+        Interrupted: if a signal has ended the work, and the work is saved. After a signal while
+            files are written or logged, the results of that batch are yielded first.
+        Lost: if a signal has ended the work, and the work couldn't be saved.
     """
     if loggers is None:
         with closing(Loggers()) as loggers:
@@ -127,9 +132,9 @@ def run_batches(
                 results = _run_batch(batch, training, pictures, work)
             except (ConfigError, Interrupted):
                 raise
-            except Exception as error:  # a bug, or no memory left: other batches may succeed
+            except Exception as error:  # a bug or a lack of memory: other batches may succeed
                 results = [error] * len(batch.jobs)
-            # Only jobs whose files are written, and in this thread: some loggers allow no other.
+            # Only jobs with a result have files. Some loggers work in one thread only.
             for job, result in zip(batch.jobs, results, strict=True):
                 if isinstance(result, float):
                     loggers.log_job(job)
@@ -138,7 +143,7 @@ def run_batches(
 
 
 def _check(batch: Batch) -> None:
-    """Refuse a batch that this machine can't train, and remove the leftovers of killed jobs."""
+    """Refuse a batch that this machine can't train; remove temporary files of killed jobs."""
     config = batch.config
     device = torch.device(config.machine.device)
     found = torch.cuda.device_count()
@@ -171,18 +176,19 @@ def _run_batch(
             return _write(job, outcome.of(runs), trainer.ledger.book.pages[:, runs])
         except OSError as error:
             return error
-        except ValueError as error:  # a score that is no number
+        except ValueError as error:  # a score that is NaN or infinite
             return JobFailed(f"{job.directory}: {error}")
 
-    with ThreadPoolExecutor(_WRITERS) as pool:  # mostly they wait for the disk
+    with ThreadPoolExecutor(_WRITERS) as pool:  # the threads mostly wait for the disk
         results = [*pool.map(write, others)]
-    # The last job's directory holds training.pt. Its files come last, so that a restart finds it.
+    # The last job's directory holds training.pt. If another job fails, the last one stays
+    # unfinished, so that a restart finds training.pt.
     unwritten = next((result for result in results if isinstance(result, OSError)), None)
     results.append(unwritten or write(last))
     if isinstance(results[-1], OSError):
-        with suppress(OSError):  # mostly it fails for the same reason; the last save stays
+        with suppress(OSError):  # probably for the same reason; the earlier save stays
             saved.save(trainer.ledger, [])
-    if pictures:  # last, and in this thread, since Matplotlib knows one thread only
+    if pictures:  # last, and in this thread, since Matplotlib isn't thread-safe
         for job, result in zip(batch.jobs, results, strict=True):
             if isinstance(result, float):
                 draw_job(job)
@@ -194,7 +200,7 @@ def _run_batch(
 def _train(
     batch: Batch, trainer: Trainer, saved: SavedTraining, interruptions: Interruptions
 ) -> Outcome:
-    """Train and test the runs, from where they were saved; save at intervals and at signals."""
+    """Train and test the runs, from their saved state if any; save at intervals and signals."""
     if saved.restore(trainer.ledger):
         announce(f"{batch.label}going on from {saved.path}")
     told = set()
@@ -221,10 +227,10 @@ def _train(
 
 def _write(job: Job, outcome: Outcome, pages: TensorDictBase) -> float:
     directory, config = job.directory, job.config
-    for name in ("summary.json", SNAPSHOTS, PICTURE):  # earlier ones are of other runs
+    for name in ("summary.json", SNAPSHOTS, PICTURE):  # files of earlier runs
         (directory / name).unlink(missing_ok=True)
     settings = asdict(config)
-    del settings["logger"]  # no weight depends on it, and its libraries may be missing elsewhere
+    del settings["logger"]  # no weight depends on it; its library may be missing
     weights, runs = pages["weights"], (outcome.seed, outcome.lam, settings)
     save_checkpoint(directory / "checkpoint.pt", weights[-1], *runs)
     if config.checkpoint.snapshots:
@@ -236,12 +242,12 @@ def _write(job: Job, outcome: Outcome, pages: TensorDictBase) -> float:
 
 
 def _announce_diverged(batch: Batch, outcome: Outcome) -> None:
-    """Print a line that names the runs that have diverged, if any."""
+    """Print a line with the seeds of the diverged runs, if there are any."""
     if not outcome.diverged_runs:
         return
     diverged = outcome.diverged[:, -1].nonzero()[0].tolist()
     seeds = [str(outcome.seed[run]) for run in diverged[:_NAMED]]
-    if len(batch.jobs) > 1:  # whose runs may have the same seeds
+    if len(batch.jobs) > 1:  # runs of different jobs may have the same seed
         job_of = [job for job in batch.jobs for _ in range(job.config.num_seeds)]
         names = [job_of[run].directory.name for run in diverged[:_NAMED]]
         seeds = [f"{seed} of job {name}" for seed, name in zip(seeds, names, strict=True)]

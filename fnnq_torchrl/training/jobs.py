@@ -1,4 +1,4 @@
-"""Jobs: their configurations, files and results. No torch here."""
+"""A job, the names of its files, and its result. This module doesn't import torch."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,16 +6,16 @@ from pathlib import Path
 from fnnq_torchrl.config.schema import PER_RUN, Config
 
 BATCHABLE = (*PER_RUN, "num_seeds")
-"""The keys in which jobs of one batch may differ; in all others they are equal."""
+"""The only configuration keys in which the jobs of a batch may differ."""
 
 ASIDE = ("resume", "checkpoint", "logger")
-"""The keys on which no result depends: those of saving, resuming and logging."""
+"""The keys of saving, resuming and logging, which don't change any result."""
 
 TRAINING = "training.pt"
-"""The file of a training that isn't finished."""
+"""The file that holds an unfinished training."""
 
 RESULTS = ("checkpoint.pt", "evaluations.csv", "summary.json")
-"""The files that every finished job has, the last of them written last."""
+"""The files that every finished job has, in the order in which they are written."""
 
 PICTURE = "learning_curve.png"
 """The file with the learning curve."""
@@ -26,7 +26,7 @@ SNAPSHOTS = "snapshots.pt"
 
 @dataclass(frozen=True)
 class Job:
-    """A job's configuration, the directory it writes to, and the directory of its sweep if any."""
+    """A job: its configuration, its output directory, and the directory of its sweep, if any."""
 
     config: Config
     directory: Path
@@ -34,8 +34,8 @@ class Job:
 
 
 class JobFailed(Exception):
-    """A job has ended without a result; the message is one line with the reason."""
+    """A job that ended without a result; the message gives the reason in one line."""
 
 
 Result = float | Exception | None
-"""A job's objective, or the error that it ended with."""
+"""The mean score of a job, or the error that ended it."""

@@ -1,4 +1,4 @@
-"""Learning as a task of the scheduler: each run is a job on a lane."""
+"""Learning as a task of the scheduler, whose jobs are the runs."""
 
 from collections.abc import Callable
 
@@ -10,18 +10,18 @@ from fnnq_torchrl.engine.loops import Loop
 from fnnq_torchrl.training.resume.ledger import Ledger
 
 _MOST_STEPS = 1_000
-"""The most steps between two visits of the keeper: some seconds if eager, much less if native."""
+"""The most steps between two chances to save: seconds if eager, milliseconds if native."""
 
 
 class Learning:
-    """The :class:`.Task` of learning: each run is a job, done after all its situations.
+    """A scheduler's task for learning: a job is one run, from its first situation to its last.
 
     Args:
-        learner: one learning step, for as many runs as there are lanes.
-        loop: repeats that step.
+        learner: the learning step, for the runs that learn side by side.
+        loop: the loop that repeats the learning step.
         run: the values of each run, batch size ``[runs]``.
-        ledger: the progress of the runs; kept up to date.
-        on_progress: called with the number of situations learned so far, of all runs together.
+        ledger: the progress of the runs; updated in place.
+        on_progress: called with the number of situations learned so far, over all runs.
     """
 
     def __init__(
@@ -34,15 +34,15 @@ class Learning:
     ) -> None:
         self.run = run
         self.loop = loop
-        # Few enough that no run takes two snapshots within them, and that they are soon over: a
-        # training is saved only between them.
+        # Few enough that no run takes two snapshots within these steps, and that a save, which has
+        # to wait for their end, doesn't wait long.
         self.steps = min(learner.env.world.fewest_steps * learner.evaluate_every, _MOST_STEPS)
         self._learner, self._ledger, self._on_progress = learner, ledger, on_progress
         self._situations = run["situations"].squeeze(-1).cpu()
 
     @property
     def jobs(self) -> Tensor:
-        """The numbers of the runs that aren't done, int64."""
+        """The numbers of the unfinished runs, int64 ``[jobs]``."""
         return (self._ledger.learned < self._situations).nonzero().squeeze(-1)
 
     def begin(self, jobs: Tensor) -> tuple[TensorDictBase, TensorDictBase]:

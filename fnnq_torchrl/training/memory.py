@@ -1,6 +1,6 @@
-"""An estimate of a batch's memory, compared with the free memory before the batch begins.
+"""Estimates the memory of a batch, and compares it with the free memory before the batch begins.
 
-The estimate is made from sizes alone; `benchmarks/soak.py` compares it with what jobs really take.
+The estimate is made from sizes alone; `benchmarks/soak.py` compares it with measured memory.
 """
 
 from collections.abc import Iterator
@@ -19,22 +19,22 @@ from fnnq_torchrl.engine.lanes import lanes_for
 from fnnq_torchrl.training.batch import Batch
 
 _MUCH = 1 / 4
-"""The user is told of a batch that needs more than this part of the free memory."""
+"""The part of the free memory above which a line tells the user how much a batch needs."""
 
 _NUMBER = 8
 """Bytes of an int64, a float64 or a reference to a Python object."""
 
 _OF_PYTHON = 6 * _NUMBER
-"""Bytes of a small Python object in a list, with its reference."""
+"""Bytes of a small Python object in a list, including the reference to it."""
 
 _BASE = 600 * 2**20
-"""Bytes of the process before it has any run: torch, TorchRL, the traced step."""
+"""Bytes of the process without any run: torch, TorchRL, the traced step."""
 
 _COLUMNS = 40
-"""Numbers kept of each run: its values as lists and as tensors, in its job and in the batch."""
+"""Numbers kept for each run: its values as lists and tensors, in its job and in the batch."""
 
 _COPIES = 4
-"""Numbers that an eager step computes for each candidate action; a native one needs fewer."""
+"""Numbers that an eager step keeps for each candidate action; a native step keeps fewer."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class Sizes:
     """The sizes that a batch's memory depends on.
 
     Attributes:
-        runs: runs of the batch.
-        evaluations: evaluations of each run, the one before learning included.
-        tests: situations of each evaluation.
-        weights: weights of each run.
-        candidates: candidate actions.
-        window: steps that a run's trace keeps; 1 if it isn't a window.
-        lanes: runs that learn at once, of all workers together.
-        bytes: bytes of a weight.
+        runs: the number of runs.
+        evaluations: the number of evaluations of each run, including the one before learning.
+        tests: the number of situations in each evaluation.
+        weights: the number of weights of each run.
+        candidates: the number of candidate actions.
+        window: the number of steps that ``trace=window`` keeps; 1 for other traces.
+        lanes: the number of runs that learn at once, in all workers together.
+        bytes: the bytes of one weight.
     """
 
     runs: int
@@ -63,33 +63,33 @@ class Sizes:
 
     @property
     def kept(self) -> int:
-        """Bytes that all evaluations take: weights, steps, the results of their tests."""
+        """Bytes kept to the end: weights, steps and test results of all evaluations, run values."""
         of_test = 2 + self.bytes + 4  # two flags (played, success), return, length
         of_evaluation = self.weights * self.bytes + _NUMBER + self.tests * of_test + 1
         return self.runs * (self.evaluations * of_evaluation + _COLUMNS * _NUMBER)
 
     @property
     def at_work(self) -> int:
-        """Bytes for the runs that learn at once: state, trace, and what a step computes."""
+        """Bytes for the runs that learn at once: weights, trace and the numbers of a step."""
         of_step = self.weights * (4 + self.window) + self.candidates * _COPIES
         return self.lanes * self.bytes * of_step + self.candidates * self.weights * self.bytes
 
     @property
     def on_top(self) -> int:
-        """Bytes at the end: the list of all situations to play or, later, the rows to write."""
+        """Bytes of the largest of three short needs: playing situations, writing rows, saving."""
         playing = self.tests * 2 * _NUMBER
-        writing = 4 * _OF_PYTHON  # steps, catches, their text, and the picture that is made of it
+        writing = 4 * _OF_PYTHON  # steps, catches, their text, the picture
         saving = self.weights * self.bytes
         return self.runs * self.evaluations * max(playing, writing, saving)
 
     @property
     def total(self) -> int:
-        """Bytes at the peak."""
+        """Bytes of the process at its peak."""
         return _BASE + self.kept + max(self.at_work, self.on_top)
 
 
 def sizes_of(batch: Batch) -> Sizes:
-    """Return the sizes of a batch."""
+    """Return the sizes of a batch, from its configuration, engine and number of runs."""
     config, engine, runs = batch.config, batch.engine, batch.size
     dtype: torch.dtype = getattr(torch, config.machine.dtype)
     # Meta tensors have a shape and take no memory. A user's own network may need real values.
@@ -112,10 +112,10 @@ def check_memory(batch: Batch) -> str | None:
     """Refuse a batch that this machine's memory can't hold.
 
     Returns:
-        One line on a batch that will take much of it; None for any other.
+        A line to print if the batch will take much of the free memory; otherwise None.
 
     Raises:
-        ConfigError: the batch needs more than is free.
+        ConfigError: if the batch needs more memory than is free.
     """
     config, runs = batch.config, batch.size
     sizes, free = sizes_of(batch), available(config.machine.device)
@@ -130,11 +130,11 @@ def check_memory(batch: Batch) -> str | None:
 
 
 def _smaller(config: Config, sizes: Sizes) -> str:
-    """Return the advice: the keys of the largest part of the memory, to be made smaller."""
+    """Return advice on the keys to change: those that the largest part of the memory depends on."""
     if sizes.at_work > max(sizes.kept, sizes.on_top):
         keys = ["action.candidates", "value"] + ["window"] * (config.trace == "window")
-        return f"smaller {' or '.join(keys)} would do"
-    return "fewer num_seeds, here or in each job of a sweep, or a larger evaluation.every would do"
+        return f"choose a smaller {' or '.join(keys)}"
+    return "choose fewer num_seeds per job, or a larger evaluation.every"
 
 
 def _gigabytes(count: float) -> str:
@@ -142,11 +142,11 @@ def _gigabytes(count: float) -> str:
 
 
 def available(device: str = "cpu") -> float:
-    """Return the bytes that are free for a job, or infinity if the system doesn't tell.
+    """Return the bytes of free memory, or infinity if the system doesn't tell.
 
     Args:
-        device: that of the runs. For a GPU, it is the smaller of its own free memory and the
-            machine's.
+        device: the device of the runs. For a GPU, the result is the smaller of the GPU's free
+            memory and the machine's.
     """
     of_device = inf if device == "cpu" else torch.cuda.mem_get_info(device)[0]
     return min(_free_of_machine(), *_limits_of_groups(), of_device)
@@ -163,7 +163,7 @@ def _free_of_machine() -> float:
 def _limits_of_groups(
     root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")
 ) -> Iterator[int]:
-    """Yield the limits of this process's control groups (Linux), as a cluster sets them."""
+    """Yield the memory limits of this process's control groups (Linux), in bytes."""
     if not own.exists():
         return
     for line in own.read_text().splitlines():
@@ -175,5 +175,5 @@ def _limits_of_groups(
         else:
             continue
         for folder in (group, *group.parents):
-            with suppress(OSError, ValueError):  # there is no such file, or it says "max"
+            with suppress(OSError, ValueError):  # no such file, or its content is "max"
                 yield int((folder / name).read_text())

@@ -1,4 +1,4 @@
-"""The policy that a finished job has learned."""
+"""Loads the policy of a finished job."""
 
 from pathlib import Path
 
@@ -36,16 +36,17 @@ def load_policy(
 
     Args:
         run: the job's directory.
-        seed: that of one run. If not given, the policy is that of all runs.
-        own: import the classes of the user's own, such as a world, that the job's configuration
-            names (``module:Class``). Don't set this for a job of somebody else.
+        seed: the seed of one run. Without it, the policy has a row for each run of the job.
+        own: whether to import classes from outside this package, such as a world, that the job's
+            configuration names (``module:Class``). Don't set this for somebody else's job.
 
     Returns:
-        A policy for environments of batch size ``[1]``, or ``[runs]`` for all runs.
+        A policy for environments of batch size ``[1]``, or ``[runs]`` without a seed.
 
     Raises:
-        OSError: the job's checkpoint.pt can't be read.
-        ValueError: it is damaged, or there is no such run. One line.
+        OSError: if the job's checkpoint.pt can't be read.
+        ValueError: if checkpoint.pt is damaged, or the job has no run with this seed. The message
+            is one line.
     """
     checkpoint = load_checkpoint(Path(run) / "checkpoint.pt")
     config = to_config(checkpoint.config, own=own)

@@ -1,4 +1,4 @@
-"""A finished job's numbers, and the two files that hold them: evaluations.csv, summary.json."""
+"""The results of a finished job, and their files evaluations.csv and summary.json."""
 
 import io
 import json
@@ -18,41 +18,42 @@ from fnnq_torchrl.training.intervals import mean_interval
 CONFIDENCE = 0.95
 
 FINAL_EVALUATIONS = 8
-"""The final score is the mean over this many last evaluations."""
+"""The number of last evaluations over which the final score is the mean."""
 
 _RUN, _EVALUATION = "runs", "evaluations"
 
 
 def _column(dtype: str, *axes: str, name: str | None = None) -> Any:
-    """A field that is a column of evaluations.csv, under ``name`` or its own name."""
+    """Return a dataclass field for a column of evaluations.csv, by default of the field's name."""
     return field(metadata={"dtype": np.dtype(dtype), "axes": axes, "name": name})
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluations:
-    """The content of evaluations.csv: the scores of all runs, all evaluated at the same moments.
+    """The content of evaluations.csv: the scores of all runs at each evaluation.
 
-    The arrays are the file's columns, in this order. Later versions may add columns after these.
+    All runs are evaluated after the same numbers of learning situations. The arrays are the columns
+    of the file, in its order; later versions may add columns after these.
 
     Args:
         measure: the measure of the score: ``successes``, ``return`` or ``length``.
 
     Raises:
-        ValueError: on creation, if a shape or dtype is not as stated below, there are no runs,
-            there are fewer than two evaluations, or their situations don't rise from 0.
+        ValueError: on creation, if a shape or dtype is not as stated below, there are no runs or
+            fewer than two evaluations, or ``situations`` doesn't rise from 0.
     """
 
     seed: NDArray[np.int64] = _column("i8", _RUN)
     lam: NDArray[np.float64] = _column("f8", _RUN)
-    # Learning situations before each evaluation, from 0.
+    # Learning situations before each evaluation; the first is 0.
     situations: NDArray[np.int64] = _column("i8", _EVALUATION)
-    # Learning steps of the run so far.
+    # Learning steps of the run before each evaluation.
     steps: NDArray[np.int64] = _column("i8", _RUN, _EVALUATION)
     # Episodes of the test that succeeded.
     catches: NDArray[np.int64] = _column("i8", _RUN, _EVALUATION)
-    # True if the run had diverged; it then has no catch.
+    # True if the run had diverged before the evaluation; it then has no catches.
     diverged: NDArray[np.bool_] = _column("?", _RUN, _EVALUATION)
-    # The means over the test's episodes, in the world's rewards and in steps.
+    # Returns (sums of rewards) and lengths (in steps): means over the test's episodes.
     returns: NDArray[np.float64] = _column("f8", _RUN, _EVALUATION, name="return")
     lengths: NDArray[np.float64] = _column("f8", _RUN, _EVALUATION, name="length")
     measure: str = "successes"
@@ -85,7 +86,7 @@ class Evaluations:
 
     @property
     def learning_steps(self) -> int:
-        """Learning steps of all runs together."""
+        """The number of learning steps of all runs together."""
         return int(self.steps[:, -1].sum())
 
     @property
@@ -94,13 +95,13 @@ class Evaluations:
         return int(self.diverged[:, -1].sum())
 
     def column(self, name: str) -> NDArray[Any]:
-        """Return a column by its name in evaluations.csv, with its own axes."""
+        """Return a column by its name in evaluations.csv, in the shape of the field."""
         array: NDArray[Any] = getattr(self, _COLUMNS[name].name)
         return array
 
     @property
     def score(self) -> NDArray[Any]:
-        """The measure of each run at each evaluation, ``[runs, evaluations]``."""
+        """The score of each run at each evaluation, by `measure`, ``[runs, evaluations]``."""
         scores: dict[str, NDArray[Any]] = {
             "successes": self.catches,
             "return": self.returns,
@@ -110,19 +111,19 @@ class Evaluations:
 
     @property
     def mean_score(self) -> NDArray[np.float64]:
-        """Mean score of each run without the evaluation before learning, ``[runs]``."""
+        """The mean score of each run, without the evaluation before learning, ``[runs]``."""
         return self.score[:, 1:].mean(axis=1)
 
     @property
     def final_score(self) -> NDArray[np.float64]:
-        """Mean score of each run over its last ``FINAL_EVALUATIONS`` evaluations, ``[runs]``.
+        """The mean score of each run over its last ``FINAL_EVALUATIONS`` evaluations, ``[runs]``.
 
-        If a run has fewer, it is the mean over all of them. The one before learning never counts.
+        With fewer evaluations, all count, except for the one before learning.
         """
         return self.score[:, 1:][:, -FINAL_EVALUATIONS:].mean(axis=1)
 
     def of(self, runs: slice) -> Self:
-        """Return the evaluations of some of the runs."""
+        """Return the evaluations of a slice of the runs."""
         arrays = {
             item.name: getattr(self, item.name)[runs]
             for item in _COLUMNS.values()
@@ -143,8 +144,8 @@ def best_first(scores: Sequence[NDArray[Any]], measure: str) -> list[int]:
     """Return the indices of configurations in the order of their mean scores, the best first.
 
     Args:
-        scores: those of each configuration, ``[runs]``.
-        measure: that of the scores; a smaller ``length`` is better.
+        scores: the scores of the runs of each configuration, ``[runs]``.
+        measure: the measure of the scores; a smaller ``length`` is better.
     """
     sign = 1 if measure == "length" else -1
     return sorted(range(len(scores)), key=lambda place: sign * scores[place].mean())
@@ -152,14 +153,14 @@ def best_first(scores: Sequence[NDArray[Any]], measure: str) -> list[int]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Outcome(Evaluations):
-    """Finished runs: their evaluations, and the wall time that their batch took, part by part.
+    """The evaluations of finished runs, and the wall times of their batch.
 
-    A batch is a set of runs that were trained together: those of one job or of several.
+    The batch is all runs that were trained together, those of one job or of several jobs.
     """
 
     batch_runs: int
-    batch_learning_steps: int  # of all its runs together
-    train_seconds: float  # learning, without the two below
+    batch_learning_steps: int  # of all runs of the batch together
+    train_seconds: float  # of learning, without compiling
     compile_seconds: float
     evaluate_seconds: float
 
@@ -168,10 +169,10 @@ class Summary(TypedDict):
     """The keys of summary.json, in their order. Intervals are [low, high]."""
 
     runs: int
-    diverged_runs: int  # from then on, they have the worst possible score
-    lam: list[float]  # the distinct values, rising
+    diverged_runs: int  # have the worst possible score after diverging
+    lam: list[float]  # the distinct values of λ, rising
     learning_steps: int  # of all runs together
-    # Of the whole batch, and so equal in all jobs that were trained together.
+    # Values of the whole batch, equal in all jobs that were trained together.
     batch_runs: int
     train_seconds: float
     compile_seconds: float
@@ -179,7 +180,7 @@ class Summary(TypedDict):
     learning_steps_per_second: float | None  # null if no time was measured
     measure: str  # of the scores: successes, return or length
     mean_score: float
-    mean_score_interval: list[float] | None  # null for a single run, which has none
+    mean_score_interval: list[float] | None  # null for a single run
     final_score: float
     final_score_interval: list[float] | None
     confidence: float
@@ -189,8 +190,8 @@ def summarise(outcome: Outcome, bounds: tuple[float, float] = (-inf, inf)) -> Su
     """Return a job's summary: means over its runs, and their intervals.
 
     Args:
-        outcome: of the job's runs.
-        bounds: the lowest and the highest possible score; no interval goes beyond them.
+        outcome: the outcome of the job's runs.
+        bounds: the lowest and the highest possible score; intervals are cut off there.
     """
     mean_score, mean_score_interval = _mean_over_runs(outcome.mean_score, bounds)
     final_score, final_score_interval = _mean_over_runs(outcome.final_score, bounds)
@@ -217,7 +218,7 @@ def summarise(outcome: Outcome, bounds: tuple[float, float] = (-inf, inf)) -> Su
 def _mean_over_runs(
     samples: NDArray[np.float64], bounds: tuple[float, float]
 ) -> tuple[float, list[float] | None]:
-    """Return the mean of the samples, ``[runs]``, and its interval where there is one."""
+    """Return the mean of the samples, ``[runs]``, and its interval (None for a single run)."""
     mean, low, high = mean_interval(samples, confidence=CONFIDENCE, bounds=bounds)
     return float(mean), None if samples.size == 1 else [float(low), float(high)]
 
@@ -226,7 +227,8 @@ def write_summary(path: Path, summary: Summary) -> None:
     """Write summary.json.
 
     Raises:
-        ValueError: a value is NaN or infinite, which JSON cannot hold.
+        OSError: if the file can't be written.
+        ValueError: if a value is NaN or infinite, which JSON can't hold.
     """
     text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
     with atomic_write(path) as file:
@@ -234,11 +236,11 @@ def write_summary(path: Path, summary: Summary) -> None:
 
 
 def read_summary(path: Path) -> Summary:
-    """Read summary.json back.
+    """Read summary.json.
 
     Raises:
-        OSError: the file cannot be read.
-        ValueError: it is not a summary.json; the message names the file.
+        OSError: if the file can't be read.
+        ValueError: if the content isn't that of a summary.json; the message names the file.
     """
     data = path.read_bytes()
     try:
@@ -258,7 +260,7 @@ def _no_number(name: str) -> float:
 
 
 def _is_of(value: object, hint: Any) -> bool:
-    """Return whether a value read from JSON is of one of the types of a `Summary`."""
+    """Return whether a value read from JSON has the type ``hint``, a type used in `Summary`."""
     if isinstance(hint, UnionType):
         return any(_is_of(value, each) for each in get_args(hint))
     if get_origin(hint) is list:
@@ -282,8 +284,8 @@ def _rows_of_each_run(evaluations: Evaluations) -> Iterator[bytes]:
             array = array.astype(int)
         if item.metadata["axes"] == (_RUN,):
             array = array[:, np.newaxis]
-        # Python's own numbers, since formatting NumPy's is several times slower. The repr of a
-        # float is the shortest text that reads back exactly.
+        # Converted to Python's numbers, which are formatted several times faster than NumPy's.
+        # The repr of a float is the shortest text that reads back exactly.
         columns.append(np.broadcast_to(array, shape).tolist())
     for run in zip(*columns, strict=True):
         rows = zip(*(map(repr, column) for column in run), strict=True)
@@ -291,15 +293,16 @@ def _rows_of_each_run(evaluations: Evaluations) -> Iterator[bytes]:
 
 
 def read_evaluations(path: Path, measure: str = "successes") -> Evaluations:
-    """Read evaluations.csv back, exactly. Further columns are ignored.
+    """Read evaluations.csv; the numbers are exactly those written. Unknown columns are ignored.
 
     Args:
         path: the file.
-        measure: of the score (:attr:`envs.core.world.WorldConfig.measure`).
+        measure: the measure of the score (:attr:`envs.core.world.WorldConfig.measure`).
 
     Raises:
-        OSError: the file cannot be read.
-        ValueError: it is not an evaluations.csv, or not a whole one; the message names the file.
+        OSError: if the file can't be read.
+        ValueError: if the content isn't that of a complete evaluations.csv; the message names the
+            file.
     """
     try:
         return _parse_evaluations(path.read_text(encoding="utf-8"), measure)
@@ -310,7 +313,7 @@ def read_evaluations(path: Path, measure: str = "successes") -> Evaluations:
 def _parse_evaluations(text: str, measure: str) -> Evaluations:
     header, _, body = text.partition("\n")
     if tuple(header.split(",")[: len(_COLUMNS)]) != EVALUATION_COLUMNS:
-        raise ValueError(f"its columns must begin {','.join(EVALUATION_COLUMNS)}")
+        raise ValueError(f"its first columns must be {','.join(EVALUATION_COLUMNS)}")
     if not body.strip():
         raise ValueError("it has no rows")
     if not body.endswith("\n"):
@@ -323,10 +326,10 @@ def _parse_evaluations(text: str, measure: str) -> Evaluations:
         comments=None,
     )
 
-    # Every run begins at its evaluation before learning, and all have the same evaluations.
+    # The rows of a run begin with situations = 0, and all runs have equally many rows.
     runs = np.count_nonzero(table["situations"] == 0)
     if runs == 0 or table.size % runs:
-        raise ValueError("some run lacks some of its evaluations")
+        raise ValueError("a run lacks some of its evaluations")
     table = table.reshape(runs, -1)
     arrays = {}
     for name, item in _COLUMNS.items():

@@ -1,4 +1,4 @@
-"""The score of a job's tests: its measure, its bounds, and the words for it."""
+"""The score of a job's tests: the measure, its bounds, and the words for the score."""
 
 from math import inf, isfinite
 from typing import NamedTuple, Self
@@ -12,16 +12,16 @@ _WORDS = {
 
 
 class Score(NamedTuple):
-    """A measure and its bounds: no test can score less or more."""
+    """A measure, and the lowest and highest score that a test can have."""
 
     measure: str = "successes"  # or "return" or "length": see `WorldConfig.measure`
     low: float = 0.0
     high: float = inf
-    successes: str = "successes"  # the world's word for them, in the plural
+    successes: str = "successes"  # the world's word for successes, in the plural
 
     @classmethod
     def of(cls, config: Config) -> Self:
-        """Return the score of a valid configuration."""
+        """Return the score that the tests of a valid configuration have."""
         world = config.env.tested
         bounds = {
             "successes": (0, config.evaluation.tests),
@@ -38,17 +38,17 @@ class Score(NamedTuple):
 
     @property
     def name(self) -> str:
-        """One word for it, such as ``catches`` or ``return``."""
+        """One word for the score, such as ``catches`` or ``return``."""
         return self.successes if self.measure == "successes" else self.measure
 
     @property
     def words(self) -> str:
-        """The label of an axis that shows it."""
+        """The words for the score as the label of an axis."""
         if self.measure in _WORDS:
             return _WORDS[self.measure]
         of = f" of {self.high:g}" if isfinite(self.high) else ""
         return f"score ({self.successes}{of})"
 
     def joined(self, other: Self) -> Self:
-        """Return the same score with bounds wide enough for the other's, too."""
+        """Return this score with bounds that include the bounds of the other score."""
         return self._replace(low=min(self.low, other.low), high=max(self.high, other.high))

@@ -1,4 +1,4 @@
-"""The output of a command on the terminal: its progress, and the table at its end."""
+"""The output of a command on the terminal: progress, log lines and the final table."""
 
 import sys
 import time
@@ -19,16 +19,16 @@ from fnnq_torchrl.training.intervals import mean_interval
 from fnnq_torchrl.training.results import CONFIDENCE, Summary, best_first
 from fnnq_torchrl.training.score import Score
 
-# Without a terminal, progress is a line for each of these equal parts of the work.
+# Without a terminal, a line of progress is printed after each of these equal parts.
 _PARTS = 5
-# The most configurations in a sweep's table.
+# The most rows, one for each configuration, in a sweep's table.
 _ROWS = 20
-# For terminals that can't show Greek letters, where printing them would fail.
+# Replacements for terminals where printing Greek letters would fail.
 _LATIN = {"λ": "lam", "α": "alpha", "γ": "gamma", "ε": "epsilon"}
 
 
 class Progress:
-    """A bar with the time left on a terminal, a few plain lines elsewhere; both on stderr.
+    """Shows progress on stderr: a bar with the time left on a terminal, else a few lines.
 
         with Progress(4400, "learning") as progress:
             progress.update(22)
@@ -36,9 +36,9 @@ class Progress:
     Args:
         total: the amount of work, at least 1.
         description: the word for the work, such as ``learning``.
-        unit: the word for what is counted, in the plural.
-        console: writes the progress; to stderr, if not given.
-        clock: returns the seconds since any moment.
+        unit: the plural noun for the units of work, such as ``situations``.
+        console: the console to write to; by default, stderr.
+        clock: returns the seconds since a fixed moment.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Progress:
         self._started_s = clock()
         self._parts_done = 0
         self._bar: progress.Progress | None = None
-        # isatty too: with FORCE_COLOR, rich takes a log file for a terminal.
+        # isatty is asked, too: with FORCE_COLOR, rich takes a log file for a terminal.
         if self._console.is_interactive and self._console.file.isatty():
             self._bar = progress.Progress(
                 progress.TextColumn("{task.description}"),
@@ -82,7 +82,7 @@ class Progress:
             self._bar.stop()
 
     def update(self, done: int) -> None:
-        """Show how much is done so far; never less than before."""
+        """Show the amount of work done so far, which must not be less than before."""
         if self._bar is not None:
             self._bar.update(self._task, completed=done)
             return
@@ -112,9 +112,9 @@ def _duration(seconds: float) -> str:
 
 
 def announce(line: str, console: Console | None = None) -> None:
-    """Print a line beside the progress, on stderr unless a console is given.
+    """Print a line, on stderr unless a console is given.
 
-    If it can't be written, for example to a log on a full disk, the work goes on without it.
+    If the line can't be written, for example to a log on a full disk, it is dropped.
     """
     console = console or Console(stderr=True)
     with suppress(OSError):
@@ -127,11 +127,11 @@ def say(text: str, console: Console | None = None) -> None:
 
 
 def line_label(directory: Path, part: str = "") -> str:
-    """Return the beginning of a log line, the name of its job or batch.
+    """Return the beginning of a log line, which names the job or the batch.
 
     Args:
-        directory: of the job or the sweep; left out on a terminal, which shows one command.
-        part: the batch among several, in words.
+        directory: the directory of the job or the sweep; left out of the label on a terminal.
+        part: the words for a batch among several, such as ``batch 2 of 3``.
     """
     words = [] if sys.stderr.isatty() else [_shown(directory)]
     words += [part] if part else []
@@ -142,10 +142,10 @@ def print_summary(summary: Summary, picture: Path | None, console: Console | Non
     """Print the main numbers of a job, and the path of its picture.
 
     Args:
-        summary: of the job; its scores are shown with two decimals.
-        picture: shown relative to the current directory if it lies below it, on one line even if
-            the terminal is narrower. None if it couldn't be drawn.
-        console: prints; to standard output, if not given.
+        summary: the summary of the job; scores are shown with two decimals.
+        picture: the path of the learning curve, or None if there is none. It is printed on one line
+            even in a narrow terminal, as a relative path if it is inside the current directory.
+        console: the console to print to; by default, standard output.
     """
     console = console or Console()
     table = Table(show_header=False)
@@ -180,10 +180,10 @@ def print_sweep(
     """Print the scores of a sweep's configurations, the best first, and the path of its picture.
 
     Args:
-        scores: each configuration's name, and the mean score of each of its runs, ``[runs]``.
+        scores: the name of each configuration, and the mean scores of its runs, ``[runs]``.
         picture: as in :func:`print_summary`.
-        score: that of all configurations.
-        console: prints; to standard output, if not given.
+        score: the score of all configurations.
+        console: the console to print to; by default, standard output.
     """
     console = console or Console()
     table = Table()
@@ -210,7 +210,7 @@ def _print_path(console: Console, name: str, path: Path) -> None:
 
 
 def _shown(path: Path) -> str:
-    """Return a path relative to the current directory if it lies below it."""
+    """Return a path, relative if it is inside the current directory, else absolute."""
     path = path.absolute()
     return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 

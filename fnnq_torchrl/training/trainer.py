@@ -1,4 +1,4 @@
-"""The trainer: all runs of a job, or of many jobs, learn side by side and are then tested."""
+"""The trainer: lets all runs of one or more jobs learn side by side, then tests them."""
 
 from collections.abc import Callable
 from typing import Self
@@ -24,21 +24,23 @@ from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.resume.ledger import Ledger
 
 OnProgress = Callable[[int], None]
-"""Called with the number of situations done so far, of all runs together."""
+"""A function called with the number of situations done so far, over all runs."""
 
 
 class Trainer:
-    """Many runs on lanes side by side: call :meth:`learn`, then :meth:`evaluate`.
+    """Trains many runs side by side: call :meth:`learn`, then :meth:`evaluate`.
+
+    The engine steps a batch of lanes at once. A lane holds one run; when that run is done, another.
 
     Attributes:
         ledger: the progress so far.
-        run: the values of each run, by the keys of `PER_RUN`, and its ``situations``, each
-            ``[runs, 1]``.
+        run: the values of each run, by the keys of `PER_RUN`, and ``situations``, the number to
+            learn from; each ``[runs, 1]``.
 
     Args:
         config: a valid configuration.
         runs: the values in which the runs differ, of one job or of several.
-        engine: runs the steps.
+        engine: the engine that runs the steps.
     """
 
     def __init__(self, config: Config, runs: Runs, engine: Engine) -> None:
@@ -63,10 +65,10 @@ class Trainer:
 
     @classmethod
     def of(cls, config: Config) -> Self:
-        """Make a trainer of the runs of one job.
+        """Make the trainer of a single job.
 
         Raises:
-            ConfigError: the engine must compile, and there is no C++ compiler.
+            ConfigError: if the engine must compile, and there is no C++ compiler.
         """
         runs = Runs.of([config])
         return cls(config, runs, choose_engine(config, len(runs)))
@@ -76,7 +78,7 @@ class Trainer:
         return make_value_network(self.config.value, candidates, runs)
 
     def make_learner(self, lanes: int) -> Learner:
-        """Make the learning step for this number of runs."""
+        """Make the learning step for ``lanes`` runs."""
         config = self.config
         return Learner(
             make_world(config.env, [lanes], seed=0, dtype=self.dtype, device=self.device),
@@ -92,11 +94,11 @@ class Trainer:
     def learn(
         self, on_progress: OnProgress = lambda done: None, keeper: Keeper | None = None
     ) -> None:
-        """Step all runs until each has learned from all its situations.
+        """Step all runs until each has learned from all its situations or has diverged.
 
         Args:
-            on_progress: called with the number of situations learned so far.
-            keeper: visited between steps with the unfinished runs, to save them.
+            on_progress: called with the number of situations learned so far, over all runs.
+            keeper: called between steps with the unfinished runs, to save them if a save is due.
         """
         engine, ledger = self.engine, self.ledger
         if int(ledger.learned.sum()) == self.situations_to_learn:
@@ -116,14 +118,15 @@ class Trainer:
     def evaluate(
         self, on_progress: OnProgress = lambda done: None, keeper: Keeper | None = None
     ) -> Outcome:
-        """Test all snapshots of all runs, side by side.
+        """Test the weight snapshots of all runs, side by side, and return the outcome.
 
         Args:
-            on_progress, keeper: as in :meth:`learn`.
+            on_progress: called with the number of situations played so far, over all runs.
+            keeper: as in :meth:`learn`.
         """
         engine, ledger = self.engine, self.ledger
         ledger.stop_where_not_finite()
-        # Without a trace, and with weights that are only read, twice as many lanes fit.
+        # A test has no trace and only reads the weights, so twice as many lanes fit.
         lanes = lanes_for(self.situations_to_play, engine.workers, 2 * engine.most_lanes)
         with engine.threads(lanes * self._candidates), ledger.timed("evaluate"):
             with ledger.timed("compile"):
@@ -155,8 +158,8 @@ class Trainer:
 
     def _outcome(self) -> Outcome:
         ledger, pages, config = self.ledger, self.ledger.book.pages, self.config
-        # A run that has diverged plays no more. It gets the lowest possible return or, if the
-        # world doesn't state one, its own return before learning.
+        # A diverged run isn't tested any more. It gets the lowest possible return or, if the
+        # world doesn't state a lowest return, its own return before learning.
         diverged = ledger.diverged.T.contiguous().numpy()
         success, reward, length = (
             ledger.results[key].transpose(0, 1).numpy() for key in ("success", "return", "length")
@@ -184,10 +187,10 @@ class Trainer:
 
     @property
     def learning_steps(self) -> int:
-        """The steps learned by all runs together, each up to the end of its last situation."""
+        """The number of learning steps of all runs, each up to the end of its last situation."""
         return int(self.ledger.book.pages["steps"][-1].sum())
 
     @property
     def weights(self) -> TensorDict:
-        """The learned weights by the names of the network's parameters, ``[runs, *weights]``."""
+        """The learned weights, by parameter name, each ``[runs, *weights]``."""
         return self.ledger.book.pages[-1]["weights"]

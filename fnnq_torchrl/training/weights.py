@@ -1,4 +1,4 @@
-"""The learned weights of a job on disk: checkpoint.pt and snapshots.pt."""
+"""The files with the learned weights of a job: checkpoint.pt and snapshots.pt."""
 
 import json
 from collections.abc import Mapping
@@ -15,12 +15,12 @@ from torch import Tensor
 from fnnq_torchrl.files.plain import read_plain, write_plain
 
 FORMAT = 1
-"""The number of both files' format, raised when older files can no longer be read."""
+"""The format number of both files, raised when older files can no longer be read."""
 
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """The weights that a job's runs have learned, as in checkpoint.pt.
+    """The content of checkpoint.pt: the weights that the runs of a job have learned.
 
     Raises:
         ValueError: on creation, if the first dimensions of a weight are not as stated below.
@@ -33,7 +33,7 @@ class Checkpoint:
 
     def __post_init__(self) -> None:
         if len(self.lam) != len(self.seed):
-            raise ValueError(f"{len(self.seed)} seeds and {len(self.lam)} λ must be as many")
+            raise ValueError(f"{len(self.seed)} seeds and {len(self.lam)} λ must be equally many")
         for name, weight in self.weights.items():
             if weight.shape[: len(self._shape)] != self._shape:
                 expected = ", ".join(map(str, self._shape))
@@ -46,12 +46,12 @@ class Checkpoint:
 
 @dataclass(frozen=True, eq=False)
 class Snapshots(Checkpoint):
-    """The weights of a job's runs at each evaluation, as in snapshots.pt.
+    """The content of snapshots.pt: the weights of the runs of a job at each evaluation.
 
-    The weights are ``[evaluations, runs, ...]``; all else is as in a `Checkpoint`.
+    Each weight is ``[evaluations, runs, ...]``; the other fields are as in `Checkpoint`.
     """
 
-    situations: Tensor  # [evaluations], int64: learning situations before each
+    situations: Tensor  # [evaluations], int64: learning situations before each one
 
     @property
     def _shape(self) -> tuple[int, ...]:
@@ -69,26 +69,27 @@ def save_checkpoint(
 
     Args:
         path: the file.
-        weights: tensors ``[runs, ...]`` by name, of any layout and on any device; a nested
-            TensorDict's names are joined by dots.
+        weights: tensors ``[runs, ...]`` by name, of any layout and on any device. The names in a
+            nested TensorDict are joined by dots.
         seed: the seed of each run, ``[runs]``.
         lam: λ of each run, ``[runs]``.
         config: the resolved configuration, as values that JSON can hold.
 
     Raises:
-        ValueError: the runs are not the first dimension of every tensor.
-        TypeError: ``config`` holds other values.
-        OSError: the file can't be written.
+        ValueError: if the runs are not the first dimension of every tensor.
+        TypeError: if JSON can't hold a value of ``config``.
+        OSError: if the file can't be written.
     """
     write_plain(path, FORMAT, vars(Checkpoint(*_plain(weights, seed, lam, config))))
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
-    """Read a checkpoint back, onto the CPU.
+    """Read checkpoint.pt, with its tensors on the CPU.
 
     Raises:
-        OSError: the file can't be read.
-        ValueError: it is no checkpoint, is damaged, or is of another format. One line.
+        OSError: if the file can't be read.
+        ValueError: if the file isn't a checkpoint, is damaged, or has another format. The message
+            is one line.
     """
     return Checkpoint(**_read(path, Checkpoint, "a checkpoint"))
 
@@ -101,7 +102,7 @@ def save_snapshots(
     lam: ArrayLike,
     config: dict[str, Any],
 ) -> None:
-    """Write the weights at all evaluations, atomically.
+    """Write snapshots.pt, the weights at all evaluations, atomically.
 
     Args:
         path: the file.
@@ -112,20 +113,21 @@ def save_snapshots(
         config: the resolved configuration, as values that JSON can hold.
 
     Raises:
-        ValueError: evaluations and runs are not the first dimensions of every tensor.
-        TypeError: ``config`` holds other values.
-        OSError: the file can't be written.
+        ValueError: if evaluations and runs are not the first dimensions of every tensor.
+        TypeError: if JSON can't hold a value of ``config``.
+        OSError: if the file can't be written.
     """
     after = torch.from_numpy(np.array(situations, dtype=np.int64))
     write_plain(path, FORMAT, vars(Snapshots(*_plain(weights, seed, lam, config), after)))
 
 
 def load_snapshots(path: Path) -> Snapshots:
-    """Read snapshots back, onto the CPU.
+    """Read snapshots.pt, with its tensors on the CPU.
 
     Raises:
-        OSError: the file can't be read.
-        ValueError: it holds no snapshots, is damaged, or is of another format. One line.
+        OSError: if the file can't be read.
+        ValueError: if the file doesn't hold snapshots, is damaged, or has another format. The
+            message is one line.
     """
     return Snapshots(**_read(path, Snapshots, "a file of snapshots"))
 
@@ -136,7 +138,7 @@ def _plain(
     lam: ArrayLike,
     config: dict[str, Any],
 ) -> tuple[dict[str, Tensor], Tensor, Tensor, dict[str, Any]]:
-    """Return the fields of a `Checkpoint`, in types that can be written and loaded again."""
+    """Return the fields of a `Checkpoint`, converted to the types that the file holds."""
     if isinstance(weights, TensorDictBase):
         weights = weights.flatten_keys(".").to_dict()
     return (
@@ -152,7 +154,7 @@ def _plain(
 
 
 def _read(path: Path, of: type[Checkpoint], what: str) -> dict[str, Any]:
-    """Return the fields in a file; error messages call such a file ``what``."""
+    """Return the fields of class ``of`` from a file; ``what`` is its noun in error messages."""
     content = read_plain(path, FORMAT, what)
     if content.keys() != {field.name for field in fields(of)}:
         raise ValueError(f"{path} is not {what}")

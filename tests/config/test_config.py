@@ -224,7 +224,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ("logger=[csv,nope]", "logger=nope: must be csv or mlflow or tensorboard or wandb"),
         (
             "logger.wandb.per=run",
-            "logger.wandb.per=run: wandb isn't chosen; 'logger=[csv,wandb]' does that",
+            "logger.wandb.per=run: wandb isn't chosen; 'logger=[csv,wandb]' chooses it",
         ),
         ("envs=follow_ball", "envs=follow_ball: there is no envs; did you mean env?"),
         ("env={sped: 1}", "env.sped: there is no env.sped; did you mean env.speed_mps?"),

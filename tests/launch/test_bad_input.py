@@ -200,7 +200,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
             2,
             "--config-name and from= exclude each other",
         ),
-        "train from=finished/0 from=another": (2, "from=finished/0 from=another: must be one job"),
+        "train from=finished/0 from=another": (2, "from=finished/0 from=another: name one job"),
         "train --experimental-rerun job.pickle": (
             2,
             "--experimental-rerun is refused: it reads a pickle, which can run any code; …",

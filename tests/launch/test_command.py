@@ -164,7 +164,7 @@ def test_an_interrupted_job_says_how_to_go_on(run):
 
     status, line, _ = run("lam=0.3", job=job)
     assert (status, line.count("\n")) == (143, 1)
-    assert line.startswith("SIGTERM: what is done so far is saved; to go on: ")
+    assert line.startswith("SIGTERM: the work so far is saved; to go on: ")
     again = shlex.split(line.partition("; to go on: train ")[2])
     [(_, directory)] = run(*again).jobs
     assert [path.name for path in Path("outputs").iterdir()] == [directory.name]

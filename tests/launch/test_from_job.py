@@ -163,7 +163,7 @@ def edit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]
         ({1: 2}, "1: there is no 1; there is lam, …"),
         (
             {"value": {"kind": "antigravity:fly"}},
-            "value.kind=antigravity:fly runs somebody's own code; "
+            "value.kind=antigravity:fly names code from outside fnnq_torchrl; "
             "if you trust it, add value.kind=antigravity:fly to the command",
         ),
     ],

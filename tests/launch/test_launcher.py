@@ -266,7 +266,7 @@ def test_jobs_may_not_share_a_directory(
     assert status == 2
     assert stderr == (
         f"job 1 (seed=1): {tmp_path / 'here'} is also the directory of job 0 (seed=0); "
-        "hydra.sweep.subdir must tell them apart\n"
+        "hydra.sweep.subdir must differ between jobs\n"
     )
     assert not untrained
 

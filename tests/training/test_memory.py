@@ -53,7 +53,7 @@ def test_too_much_is_refused_and_much_is_told(monkeypatch: pytest.MonkeyPatch) -
     batch = batch_of("num_seeds=1000")
     needed = sizes_of(batch).total
     monkeypatch.setattr(memory, "available", lambda device: needed - 1)
-    with pytest.raises(ConfigError, match=r"^1,000 runs .*need about 0\.\d GB .* are free: fewer"):
+    with pytest.raises(ConfigError, match=r"^1,000 runs .*need about 0\.\d GB .* are free: choose"):
         check_memory(batch)
     monkeypatch.setattr(memory, "available", lambda device: needed)
     assert "need about" in (check_memory(batch) or "")

@@ -104,10 +104,10 @@ def test_a_file_cut_anywhere_is_refused_unless_whole_runs_are_left(tmp_path: Pat
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ("seed,lam", "lam,seed", "its columns must begin seed,lam,situations,steps,catches"),
+        ("seed,lam", "lam,seed", "its first columns must be seed,lam,situations,steps,catches"),
         ("3,0.2,5,310,2", "9,0.2,5,310,2", "seed changes within a run"),
         ("3,0.2,5,310,2", "3,0.3,5,310,2", "lam changes within a run"),
-        ("3,0.2,5,310,2,0,0.1,99.5\n", "", "some run lacks"),
+        ("3,0.2,5,310,2,0,0.1,99.5\n", "", "a run lacks"),
         ("4,0.1,5", "4,0.1,6", "not all evaluated after the same situations"),
         ("4,0.1,5", "4,0.1,10", "not all evaluated after the same situations"),
         ("4,0.1,0,0,0,0,-0.5,120.0\n", "", "seed changes within a run"),

@@ -1,8 +1,8 @@
-"""The loggers of finished jobs, beside the result files that every job has.
+"""Loggers, which log finished jobs to services beside the result files.
 
-Training is one native loop, whose scores are known only after its end. So loggers get the whole
-columns of the result files, and no call for each step. TorchRL's loggers take one step at a time.
-They are used if that is enough; a logger that doesn't use TorchRL's says why.
+Training is one native loop, and its scores are known only after its end. So a logger isn't called
+at every step: it gets whole columns of the result files. TorchRL's loggers take one step at a time.
+Where that suffices, they are used; each other module here says why TorchRL's isn't.
 """
 
 from .base import JobResults, Logger, SweepResults

@@ -1,4 +1,4 @@
-"""The results that loggers get, and the interface that every logger has."""
+"""The results that are passed to loggers, and the interface of loggers."""
 
 import os
 from abc import ABC, abstractmethod
@@ -27,12 +27,12 @@ _TABLES = ("evaluations.csv", "summary.json", "summary.csv")
 
 
 class Results:
-    """The files of a job or of a sweep.
+    """The result files of a job or of a sweep.
 
     Args:
-        directory: that of the job or of the sweep.
-        home: the directory of the sweep or, for a job without one, its own.
-        name: the name under which it is logged.
+        directory: the directory of the job or of the sweep.
+        home: the directory of the sweep; for a job without a sweep, the job's directory.
+        name: the name under which the job or sweep is logged.
     """
 
     def __init__(self, directory: Path, home: Path, name: str) -> None:
@@ -40,29 +40,30 @@ class Results:
 
     @property
     def group(self) -> str:
-        """The name that a sweep shares with its jobs."""
+        """The name of the group that a sweep and its jobs are logged in."""
         return self.home.name
 
     @property
     def pictures(self) -> list[Path]:
-        """Its pictures."""
+        """The paths of the pictures."""
         return sorted(self.directory.glob("*.png"))
 
     @property
     def tables(self) -> list[Path]:
-        """The files with its numbers."""
+        """The paths of the result files with numbers, those that exist."""
         return [path for name in _TABLES if (path := self.directory / name).exists()]
 
 
 class JobResults(Results):
-    """A finished job, whose files are read when a property first needs them.
+    """The results of a finished job; a file is read when a property first needs it.
 
     Args:
-        job: the job. It is logged as ``<sweep>/<job>`` or, without a sweep, by its directory's
-            name.
+        job: the job. It is logged as ``<sweep>/<job>`` or, without a sweep, under the name of its
+            directory.
 
     Raises:
-        OSError, ValueError: by the properties, if a file can't be read or is damaged.
+        OSError: by a property, if a file can't be read.
+        ValueError: by a property, if a file is damaged.
     """
 
     def __init__(self, job: Job) -> None:
@@ -73,7 +74,7 @@ class JobResults(Results):
 
     @cached_property
     def settings(self) -> dict[str, Any]:
-        """The configuration, nested, without the loggers' settings."""
+        """The configuration as nested dictionaries, without the loggers' settings."""
         settings = asdict(self.job.config)
         del settings["logger"]
         return settings
@@ -90,17 +91,18 @@ class JobResults(Results):
 
     @property
     def scores(self) -> dict[str, float]:
-        """The summary's mean scores over the runs."""
+        """``mean_score`` and ``final_score`` of the summary, both means over the runs."""
         return {key: self.summary[key] for key in ("mean_score", "final_score")}
 
     @cached_property
     def curve(self) -> dict[str, list[float]]:
-        """The learning curve in columns with one number for each evaluation.
+        """The learning curve: columns by name, each with one number per evaluation.
 
-        ``steps``, the learning steps of a run so far, and ``score`` are means over the runs.
-        ``score_low`` and ``score_high`` are the bounds of the score's interval (see
-        `mean_interval`), which a single run doesn't have. ``diverged`` is the number of runs that
-        have diverged.
+        * ``steps``: the learning steps so far, mean over the runs;
+        * ``score``: the score, mean over the runs;
+        * ``diverged``: the number of runs that have diverged;
+        * ``score_low``, ``score_high``: the bounds of the confidence interval of ``score`` (see
+          `mean_interval`); left out for a single run.
         """
         evaluations = self.evaluations
         mean, low, high = mean_interval(
@@ -116,7 +118,7 @@ class JobResults(Results):
         return {name: column.tolist() for name, column in columns.items()}
 
     def columns(self, run: int) -> dict[str, list[float]]:
-        """Return the columns of evaluations.csv that change within a run, for one run.
+        """Return the columns of evaluations.csv for one run, without its seed and its λ.
 
         Flags are 0 and 1, since loggers draw curves of numbers only.
         """
@@ -129,11 +131,11 @@ class JobResults(Results):
 
 
 class SweepResults(Results):
-    """A sweep after its last job; some jobs may have failed.
+    """The results of a sweep after its last job; some jobs may have failed.
 
     Args:
-        directory: that of the sweep, with the files over all jobs.
-        jobs: all jobs.
+        directory: the directory of the sweep, with the files that cover all jobs.
+        jobs: all jobs of the sweep.
     """
 
     def __init__(self, directory: Path, jobs: Sequence[Job]) -> None:
@@ -142,10 +144,10 @@ class SweepResults(Results):
 
 
 class Logger(ABC):
-    """A place where finished jobs are logged. `Loggers` handles any error of its methods."""
+    """The interface of a logger. Methods may raise any error; `Loggers` handles it."""
 
     def prepare(self, jobs: Sequence[Job]) -> None:  # noqa: B027  # most have nothing to say
-        """Tell the user, before these jobs begin, what to expect of logging them."""
+        """Print, before these jobs begin, what the user should know about logging them."""
 
     @abstractmethod
     def log_job(self, job: JobResults) -> None:
@@ -153,7 +155,7 @@ class Logger(ABC):
 
     @abstractmethod
     def log_sweep(self, sweep: SweepResults) -> None:
-        """Log a sweep without its jobs."""
+        """Log the files of a sweep as a whole; its jobs are logged by :meth:`log_job`."""
 
     def close(self) -> None:  # noqa: B027  # most have nothing to do
-        """Wait for work in the background, at the end of the command or after a failure."""
+        """Wait until background work is done; called once, at the end of the command."""

@@ -1,8 +1,7 @@
-"""MLflow: one MLflow run for each job, with its curve and band, configuration, tables and pictures.
+"""MLflow: an MLflow run for each job with curve, interval, configuration, tables and pictures.
 
 TorchRL's MLFlowLogger isn't used: it sets the tracking server and the active run of the whole
-process, sends the numbers of each step in a request of their own, and neither names its runs nor
-ends them.
+process, sends a request for each step, and neither names its runs nor ends them.
 """
 
 import logging
@@ -13,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-# Before the import: MLflow would report its use to its makers.
+# Before the import, which would start reporting the use of MLflow to its makers.
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 
 from mlflow.entities import Metric, Param
@@ -25,18 +24,18 @@ from fnnq_torchrl.files.atomic import alone_in
 
 from .base import JobResults, Logger, Results, SweepResults
 
-logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)  # it logs every new database
-logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # a lost server is told once
+logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)  # logs every new database
+logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # logs every retry
 
 _METRICS_AT_ONCE = 1000
 """The most metrics that MLflow takes in one call."""
 
 
 class MlflowLogger(Logger):
-    """Runs in a database beside the jobs or on a server.
+    """A logger to an MLflow database beside the jobs, or to an MLflow server.
 
     Args:
-        settings: see ``conf/logger/mlflow.yaml``.
+        settings: the settings that ``conf/logger/mlflow.yaml`` explains.
     """
 
     def __init__(self, settings: MlflowConfig) -> None:
@@ -64,9 +63,9 @@ class MlflowLogger(Logger):
         self._log(sweep, [], [])
 
     def _log(self, results: Results, params: Sequence[Param], metrics: Sequence[Metric]) -> None:
-        """Log one MLflow run."""
+        """Log a job or a sweep as one MLflow run."""
         uri = self._uri or f"sqlite:///{results.home.absolute() / 'mlflow.db'}"
-        with alone_in(results.home):  # one process makes the database, not several at once
+        with alone_in(results.home):  # two processes must not make the database at once
             client = MlflowClient(tracking_uri=uri)
             experiment = _experiment(client, uri, self._experiment)
         run = client.create_run(experiment, tags={"group": results.group}, run_name=results.name)
@@ -78,17 +77,17 @@ class MlflowLogger(Logger):
             for file in results.pictures + results.tables:
                 client.log_artifact(key, str(file))
         except BaseException:
-            with suppress(Exception):  # the server may be gone; the first failure is told
+            with suppress(Exception):  # the server may be gone; the first error is raised
                 client.set_terminated(key, "FAILED")
             raise
         client.set_terminated(key)
 
 
 def _experiment(client: MlflowClient, uri: str, name: str) -> str:
-    """Return the id of the experiment, which is made if there is none."""
+    """Return the id of the experiment with this name; make the experiment if there is none."""
     if (found := client.get_experiment_by_name(name)) is not None:
         return found.experiment_id
-    # Beside the database; MLflow's own default is the directory that the command runs in.
+    # Files beside the database; by default, MLflow puts them into the current directory.
     _, is_sqlite, path = uri.partition("sqlite:///")
     artifacts = (Path(path).absolute().parent / "mlartifacts").as_uri() if is_sqlite else None
     return client.create_experiment(name, artifact_location=artifacts)

@@ -1,4 +1,4 @@
-"""The registry of loggers, and the loggers of a command, which never stop a training."""
+"""The registry of loggers, and the loggers of a command. Their failures never stop a training."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -34,29 +34,29 @@ LOGGERS: dict[str, Callable[[Any], Logger]] = {
     "tensorboard": _tensorboard,
     "mlflow": _mlflow,
 }
-"""Functions that make a logger from its settings, by its name.
+"""The functions that make a logger from its settings, by the logger's name.
 
-Each imports its library only when it is called: libraries are optional, and slow to load.
+A function imports its library only when it is called: libraries are optional, and slow to load.
 """
 
 
 class Loggers:
-    """The loggers of one command, each made for the first job that chooses it.
+    """The loggers of one command; a logger is made for the first job that chooses it.
 
         with contextlib.closing(Loggers()) as loggers:
             loggers.prepare([job])
             ...
             loggers.log_job(job)
 
-    When a logger fails, the user is told in one line, and it is left out from then on. Everything
-    else goes on.
+    When a logger fails, one line is printed, and that logger is not used again. The training and
+    the other loggers go on.
 
     Attributes:
         left_out: the names of the loggers that have failed.
 
     Raises:
-        ConfigError: by a method that makes a logger, as `prepare` does before anything is trained:
-            its library isn't installed, or its settings can't be followed.
+        ConfigError: by a method that makes a logger, if the logger's library isn't installed or its
+            settings can't be followed. Call `prepare` before training to get this error early.
     """
 
     def __init__(self) -> None:
@@ -64,7 +64,7 @@ class Loggers:
         self._made: dict[tuple[str, str], Logger] = {}
 
     def prepare(self, jobs: Iterable[Job]) -> None:
-        """Make the loggers of these jobs, and tell the user what to expect of them."""
+        """Make the loggers of these jobs, and call each logger's ``prepare`` with its jobs."""
         self._each(jobs, lambda logger, its_jobs: logger.prepare(its_jobs))
 
     def log_job(self, job: Job) -> None:
@@ -73,17 +73,17 @@ class Loggers:
         self._each([job], lambda logger, _: logger.log_job(results))
 
     def log_sweep(self, sweep: SweepResults) -> None:
-        """Log a sweep with all loggers that its jobs choose."""
+        """Log a sweep as a whole, with each logger that one of its jobs chooses."""
         self._each(sweep.jobs, lambda logger, _: logger.log_sweep(sweep))
 
     def close(self) -> None:
-        """Wait for work in the background, at the end of the command."""
+        """Close the loggers at the end of the command, which waits for their background work."""
         for (name, _), logger in self._made.items():
             with self._guarded(name):
                 logger.close()
 
     def _each(self, jobs: Iterable[Job], use: Callable[[Logger, list[Job]], None]) -> None:
-        """Call ``use`` with each logger that the jobs choose, and the jobs that choose it."""
+        """Call ``use`` once for each chosen logger, with the jobs that choose that logger."""
         choices: dict[tuple[str, str], tuple[Any, list[Job]]] = {}
         for job in jobs:
             for name, settings in vars(job.config.logger).items():
@@ -99,7 +99,7 @@ class Loggers:
 
     @contextmanager
     def _guarded(self, name: str) -> Iterator[None]:
-        """A block that uses a logger. If it fails, the user is told, and it isn't used again."""
+        """Report a failure of the block, which uses a logger, and never use the logger again."""
         try:
             yield
         except ConfigError:

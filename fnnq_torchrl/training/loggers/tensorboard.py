@@ -1,10 +1,10 @@
-"""TensorBoard, by TorchRL's logger: a job's curve and band, histograms, settings and pictures."""
+"""TensorBoard, through TorchRL's logger: curve, interval, histograms, settings and pictures."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import Image  # which torch.utils.tensorboard needs for pictures
+from PIL import Image  # torch.utils.tensorboard needs it, too
 from torch.utils.tensorboard import SummaryWriter
 from torchrl.record.loggers import TensorboardLogger as TorchrlLogger
 
@@ -15,10 +15,10 @@ from .base import JobResults, Logger, SweepResults
 
 
 class TensorboardLogger(Logger):
-    """Event files in the directory of each job and sweep.
+    """A logger that writes event files into the directory of each job and sweep.
 
     Args:
-        settings: see ``conf/logger/tensorboard.yaml``.
+        settings: the settings that ``conf/logger/tensorboard.yaml`` explains.
     """
 
     def __init__(self, settings: TensorboardConfig) -> None:
@@ -27,7 +27,7 @@ class TensorboardLogger(Logger):
     def log_job(self, job: JobResults) -> None:
         logger = self._logger(job.directory)
         catches, situations = job.evaluations.catches, job.evaluations.situations.tolist()
-        edges = (np.arange(catches.max() + 2) - 0.5).tolist()  # of a bin around each score
+        edges = (np.arange(catches.max() + 2) - 0.5).tolist()  # a bin around each number of catches
         with logger.experiment as writer:
             for place, step in enumerate(situations):
                 for name, column in job.curve.items():

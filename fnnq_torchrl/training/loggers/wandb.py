@@ -1,6 +1,6 @@
-"""Weights & Biases: one wandb run for each job, for each run of it, or for the whole sweep.
+"""Weights & Biases: one wandb run for each job, for each run of a job, or for a whole sweep.
 
-TorchRL's WandbLogger isn't used: it only calls `wandb.init`, and has nothing for tables, pictures,
+TorchRL's WandbLogger isn't used: it calls `wandb.init`, but has no methods for tables, pictures,
 files, time limits and the end of a run.
 """
 
@@ -26,27 +26,27 @@ from fnnq_torchrl.training.terminal import announce
 
 from .base import JobResults, Logger, Results, SweepResults
 
-logging.getLogger("wandb").setLevel(logging.WARNING)  # it would log every run
+logging.getLogger("wandb").setLevel(logging.WARNING)  # logs every run
 
 _AT_ONCE = 8
-"""Wandb runs that are logged at the same time, since each waits for the server twice."""
+"""The number of wandb runs logged at the same time; each waits for the server twice."""
 
 _RUN_S = 0.05
-"""Seconds that it takes to log a wandb run (benchmarks/loggers.py)."""
+"""The seconds that logging a wandb run takes (benchmarks/loggers.py)."""
 
 _MANY = 100
-"""The user is told how long it takes to log more wandb runs than these."""
+"""The number of wandb runs above which a line says how long logging them takes."""
 
 
 class WandbLogger(Logger):
-    """Wandb runs online or, without a login or a server, in the directories of the jobs.
+    """A logger to wandb's server or, without a login or a server, to files beside the jobs.
 
     Args:
-        settings: see ``conf/logger/wandb.yaml``.
+        settings: the settings that ``conf/logger/wandb.yaml`` explains.
 
     Raises:
-        ConfigError: the mode is ``online``, and nobody is logged in; or one of wandb's environment
-            variables is wrong.
+        ConfigError: if the mode is ``online``, and nobody is logged in; or if one of wandb's
+            environment variables is wrong.
     """
 
     def __init__(self, settings: WandbConfig) -> None:
@@ -79,10 +79,10 @@ class WandbLogger(Logger):
             _save(log, sweep.tables)
 
     def close(self) -> None:
-        """Wait for wandb's process to end.
+        """Wait until wandb's background process ends; at exit, a failure would print a traceback.
 
         Raises:
-            Exception: it has failed. Without this call, wandb would print a traceback at the exit.
+            OSError: if the process has ended with an error status.
         """
         try:
             wandb.teardown()
@@ -90,7 +90,7 @@ class WandbLogger(Logger):
             raise OSError(f"its process has ended with status {end.code}") from end
 
     def _log_run(self, job: JobResults, values: dict[str, list[float]], run: int) -> None:
-        """Log one run of a job, with the job's pictures if it is the first."""
+        """Log one run of a job; the first run gets the job's pictures."""
         config = job.settings | {key: column[run] for key, column in values.items()}
         del config["num_seeds"]
         name = f"seed={config['seed']} lam={config['lam']:g}"
@@ -102,7 +102,7 @@ class WandbLogger(Logger):
                 log.log(_images(job.pictures))
 
     def _log_whole(self, job: JobResults) -> None:
-        """Log a job's learning curve with its band, and its runs in a table."""
+        """Log a job's learning curve with its interval, and a table of its runs."""
         situations = job.evaluations.situations.tolist()
         score = {name: column for name, column in job.curve.items() if name.startswith("score")}
         with self._wandb_run(job, job.name, job.settings) as log:
@@ -129,12 +129,12 @@ class WandbLogger(Logger):
             tags=settings.tags,
             name=name,
             config=dict(config),
-            reinit="create_new",  # without it, two runs at once become one
+            reinit="create_new",  # by default, two runs at once become one
             settings=wandb.Settings(
                 silent=True,
                 console="off",
-                x_disable_stats=True,  # of the machine, which has finished learning
-                x_save_requirements=False,  # reading them takes as long as all the rest
+                x_disable_stats=True,  # statistics of the machine, which has finished learning
+                x_save_requirements=False,  # reading the requirements takes as long as all the rest
                 init_timeout=settings.timeout_s,
                 finish_timeout=settings.timeout_s,
                 finish_timeout_raises=True,
@@ -151,10 +151,10 @@ class WandbLogger(Logger):
             self._go_offline(error)
 
     def _init(self, **arguments: Any) -> wandb.Run:
-        """Begin a wandb run, offline if it can't be online."""
+        """Begin a wandb run, offline if the server can't be used."""
         try:
             return wandb.init(mode=self._mode, **arguments)
-        except CommError as error:  # no answer, or a login that is refused
+        except CommError as error:  # no answer, or a refused login
             self._go_offline(error)
             return wandb.init(mode="offline", **arguments)
 
@@ -166,13 +166,13 @@ class WandbLogger(Logger):
 
 
 def _mode(asked: str) -> Any:
-    """Return the mode of wandb that the user has chosen, in our configuration or in wandb's.
+    """Return wandb's mode: the user's choice in our configuration or else in wandb's own.
 
-    By default it is online for a user who is logged in. For others it is offline, and they are
-    told. The user isn't asked for anything, and nothing goes over the network.
+    If neither has one, the mode is online for a user who is logged in. Otherwise it is offline, and
+    a line says so. This function asks no question and doesn't use the network.
 
     Raises:
-        ConfigError: see `WandbLogger`.
+        ConfigError: for the reasons that `WandbLogger` lists.
     """
     try:
         settings = wandb.setup().settings
@@ -188,7 +188,7 @@ def _mode(asked: str) -> Any:
         raise ConfigError(
             f"{key}=online: nobody is logged in; run `wandb login` or set WANDB_API_KEY"
         )
-    if not mode and settings.mode != "online":  # online may also be just the default
+    if not mode and settings.mode != "online":  # "online" may be just the default
         mode = settings.mode  # set by `wandb offline`
     if not mode and not logged_in:
         announce("wandb: nobody is logged in, so it logs offline; `wandb sync` uploads it later")
@@ -207,9 +207,9 @@ def _images(pictures: Iterable[Path]) -> dict[str, Any]:
 
 
 def _runs_table(job: JobResults) -> wandb.Table:
-    """Return a table with a row for each run: its seed and its results.
+    """Return a table with a row for each run of a job: its seed and its results.
 
-    The runs of a job differ in nothing but the seed.
+    The table has no configuration, since the runs of a job differ only in their seeds.
     """
     evaluations = job.evaluations
     columns = {
@@ -220,13 +220,13 @@ def _runs_table(job: JobResults) -> wandb.Table:
         "final_score": evaluations.final_score,
     }
     table = wandb.Table(columns=[], data=[])
-    for name, column in columns.items():  # several times faster than by rows
+    for name, column in columns.items():  # several times faster than adding rows
         table.add_column(name, column.tolist())
     return table
 
 
 def _table_of(path: Path) -> wandb.Table:
-    """Return a CSV file as a table, with its numbers as numbers and its empty cells as None."""
+    """Return a CSV file as a table; numeric cells become numbers, and empty cells None."""
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     data = [[_number(cell) for cell in row] for row in rows]
@@ -242,6 +242,6 @@ def _number(cell: str) -> float | str | None:
 
 def _save(log: wandb.Run, files: Iterable[Path]) -> None:
     for path in files:
-        # A copy: of files elsewhere wandb makes links, and prints a warning.
+        # A copy, since wandb links files from other directories and prints a warning.
         copy = shutil.copy(path, log.dir)
         log.save(copy, base_path=log.dir, policy="end")

@@ -1,4 +1,4 @@
-"""The data of a learning curve. No Matplotlib here."""
+"""The data of a learning curve. This module doesn't import Matplotlib."""
 
 from typing import Any, NamedTuple
 
@@ -7,24 +7,24 @@ from numpy.typing import NDArray
 
 
 class Curve(NamedTuple):
-    """The runs of one configuration."""
+    """The scores of all runs of one configuration, at each evaluation."""
 
     name: str
-    situations: NDArray[np.int64]  # [evaluations], learning situations before each
+    situations: NDArray[np.int64]  # [evaluations], learning situations before each one
     scores: NDArray[Any]  # [runs, evaluations]
-    diverged: int  # runs; from then on they have the worst possible score
+    diverged: int  # the number of diverged runs
 
     @property
     def words(self) -> list[str]:
-        """The name and, if there are any, the number of diverged runs."""
+        """The name and, if any runs diverged, their number, as separate texts."""
         return [self.name] + [f"({self.diverged:,} diverged)"] * (self.diverged > 0)
 
     @property
     def label(self) -> str:
-        """The same in one line."""
+        """The name and the number of diverged runs in one line."""
         return " ".join(self.words)
 
     @property
     def mean_score(self) -> NDArray[np.float64]:
-        """The mean of each run after learning began, ``[runs]``."""
+        """The mean score of each run, without the evaluation before learning, ``[runs]``."""
         return self.scores[:, 1:].mean(axis=1)

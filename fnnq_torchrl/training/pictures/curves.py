@@ -1,4 +1,4 @@
-"""Learning curves: the score against the learning situations."""
+"""Draws learning curves: the score against the number of learning situations."""
 
 import textwrap
 from collections.abc import Sequence
@@ -30,27 +30,27 @@ from .style import (
 from .words import setting_words
 
 _WIDTH_IN, _HEIGHT_IN = 7.0, 4.2
-_SHORT_LABEL = 10  # letters that a picture of the usual width has room for
+_SHORT_LABEL = 10  # letters for which a picture of the usual width has room
 
 _MOST_PANELS = 20
 _COLUMNS = 4
 _PANEL_IN = (2.4, 1.8)
 _TITLE_PT = 8.0
-_TITLE_LETTERS = 32  # in a line as wide as a panel
+_TITLE_LETTERS = 32  # letters in a line as wide as a panel
 
 
 @own_style()
 def learning_curve(evaluations_csv: Path, picture: Path, score: Score) -> None:
-    """Draw the mean score of a job against the learning situations: a curve and a band for each λ.
+    """Draw a job's learning curve: the mean score and its confidence band, for each λ.
 
     Args:
-        evaluations_csv: the result file, the only source of what is drawn.
-        picture: the file to write, atomically; its suffix (.png, .svg, .pdf) is its format.
-        score: the job's.
+        evaluations_csv: the result file that is drawn.
+        picture: the file to write, atomically; its suffix (.png, .svg, .pdf) gives the format.
+        score: the score of the job.
 
     Raises:
-        OSError: a file cannot be read or written.
-        ValueError: the result file is foreign or damaged, or the format is unknown.
+        OSError: if a file can't be read or written.
+        ValueError: if the result file is foreign or damaged, or the format is unknown.
     """
     evaluations = read_evaluations(evaluations_csv, score.measure)
     save(learning_curve_figure(evaluations, score), picture)
@@ -72,29 +72,30 @@ def learning_curve_figure(evaluations: Evaluations, score: Score) -> Figure:
 
 @own_style()
 def sweep_curves(curves: Sequence[Curve], of: str, picture: Path, score: Score) -> None:
-    """Draw the mean score of a sweep's configurations, a curve and a band for each.
+    """Draw the mean score of each configuration of a sweep, with its confidence band.
 
     Args:
         curves, of, score: as in :func:`curves_figure`.
-        picture: the file to write, atomically; its suffix is its format.
+        picture: the file to write, atomically; its suffix gives the format.
 
     Raises:
-        OSError: the file cannot be written.
-        ValueError: the format is unknown.
+        OSError: if the file can't be written.
+        ValueError: if the format is unknown.
     """
     save(curves_figure(curves, of, score), picture)
 
 
 def curves_figure(curves: Sequence[Curve], of: str, score: Score) -> Figure:
-    """Return a figure with a curve and a band for each configuration.
+    """Return a figure with a curve and a confidence band for each configuration.
 
-    As many as there are colours are drawn together, each with its label at its end. More have a
-    panel each, with all others in grey behind; of very many, the best have one.
+    Up to seven curves (`COLOURS`) share one plot, each with its label at its end. With more, each
+    curve has a panel, which shows all other curves in grey. With more than `_MOST_PANELS`, only the
+    best curves have a panel.
 
     Args:
-        curves: in their order; at least one.
-        of: what the curves differ in, in the plural.
-        score: that of all curves.
+        curves: the curves in their order, at least one.
+        of: the plural noun for what differs between the curves, such as ``values of λ``.
+        score: the score of all curves.
     """
     draw = _together if len(curves) <= len(COLOURS) else _in_panels
     return draw(curves, of, score)
@@ -102,7 +103,7 @@ def curves_figure(curves: Sequence[Curve], of: str, score: Score) -> Figure:
 
 def _together(curves: Sequence[Curve], of: str, score: Score) -> Figure:
     intervals = _intervals(curves, score)
-    # Tall enough for all labels, one above the other; wide enough for the longest.
+    # Tall enough for all labels, one above the other; wide enough for the longest label.
     height_in = max(_HEIGHT_IN, 1.6 + len(curves) * LABEL_PITCH_PT / 72)
     longest = max(len(curve.label) for curve in curves)
     width_in = _WIDTH_IN + max(0, longest - _SHORT_LABEL) * 0.6 * LABEL_PT / 72
@@ -114,7 +115,7 @@ def _together(curves: Sequence[Curve], of: str, score: Score) -> Figure:
     _count_evaluations(axes, _longest(curves))
     for curve, interval, colour in zip(curves, intervals, COLOURS, strict=False):
         _draw(axes, curve, interval, colour)
-    figure.draw_without_rendering()  # lays out, which gives the axes their height
+    figure.draw_without_rendering()  # the layout gives the axes their height
     label_ends(axes, [curve.label for curve in curves])
     return figure
 
@@ -128,7 +129,7 @@ def _in_panels(curves: Sequence[Curve], of: str, score: Score) -> Figure:
         "\n".join(line for text in curve.words for line in textwrap.wrap(text, _TITLE_LETTERS))
         for curve in shown
     ]
-    lines = max(title.count("\n") for title in titles)  # beyond the first
+    lines = max(title.count("\n") for title in titles)  # extra lines, beyond the first
     height_in = rows * (_PANEL_IN[1] + lines * 1.2 * _TITLE_PT / 72) + 1.0
     caption = f"{_caption(curves, intervals)}; grey: all others"
     title = _title(curves, of)
@@ -150,7 +151,7 @@ def _in_panels(curves: Sequence[Curve], of: str, score: Score) -> Figure:
         _draw(axes, shown[place], intervals[place], COLOURS[0])
         axes.set_title(titles[place], fontsize=_TITLE_PT)
         axes.tick_params(labelsize=_TITLE_PT)
-        if place + _COLUMNS >= len(shown):  # nothing below it
+        if place + _COLUMNS >= len(shown):  # no panel below
             axes.tick_params(labelbottom=True)
             axes.set_xlabel("learning situations", fontsize=_TITLE_PT)
     return figure
@@ -176,11 +177,11 @@ def _title(curves: Sequence[Curve], of: str) -> str:
 
 
 def _caption(curves: Sequence[Curve], intervals: Sequence[MeanInterval]) -> str:
-    """Return what the lines and bands are."""
+    """Return the caption, which explains the lines and the bands."""
     widths = np.concatenate([interval.high - interval.low for interval in intervals])
     if np.isnan(widths).all():
         return "line: a single run, which has no confidence interval"
-    # In figures too, since over many runs the band is too narrow to be seen.
+    # The width is stated, since over many runs the band is too narrow to see.
     return (
         f"line: mean over {count_words([len(curve.scores) for curve in curves])}; band: its "
         f"{100 * CONFIDENCE:g} % confidence interval (Student's t), at most "
@@ -193,19 +194,19 @@ def _longest(curves: Sequence[Curve]) -> NDArray[np.int64]:
 
 
 def _set_ranges(axes: Axes, curves: Sequence[Curve], score: Score, ticks: int = 10) -> None:
-    """Give the axes their ranges; those of successes begin at 0 and hold the highest score."""
+    """Set the ranges of the axes; a score of successes begins at 0 and includes the highest."""
     quiet_grid(axes)
     axes.set_xlim(0, _longest(curves)[-1])
     axes.xaxis.set_major_locator(MaxNLocator(ticks, integer=True))
     if score.measure == "successes":
         highest_seen = max(int(curve.scores.max()) for curve in curves)
         highest = score.high if np.isfinite(score.high) else max(highest_seen, 1)
-        axes.set_ylim(0, 1.02 * highest)  # the frame hides no curve that stays at the highest
+        axes.set_ylim(0, 1.02 * highest)  # the frame doesn't hide a curve at the highest score
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))
 
 
 def _count_evaluations(axes: Axes, situations: NDArray[np.int64]) -> None:
-    """Number the evaluations above the picture, as the paper does."""
+    """Add an upper axis with the numbers of the evaluations, as in the paper's figures."""
     locator = MaxNLocator(nbins=10, steps=[1, 2, 5, 10], integer=True)
     ticks = np.array(locator.tick_values(0, situations.size - 1), dtype=int)
     ticks = ticks[ticks < situations.size]

@@ -1,4 +1,4 @@
-"""The style that all pictures share: colours, labels beside lines, titles and files."""
+"""The common style of all pictures: colours, labels beside lines, titles and files."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,21 +14,21 @@ from scipy.optimize import isotonic_regression
 
 from fnnq_torchrl.files.atomic import atomic_write
 
-# Okabe and Ito's colours, which the colour-blind can tell apart, without yellow, which is too pale.
+# Okabe and Ito's colours for colour-blind readers, without the yellow, which is too pale.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-# After the last colour, all come again with another style of line.
+# All colours with solid lines, then all colours with the next line style, and so on.
 LINES = [(colour, style) for style, colour in product(("-", "--", ":", "-."), COLOURS)]
 GREY = "0.35"
 LABEL_PT = 9.0
 LABEL_PITCH_PT = 1.35 * LABEL_PT
-"""The least distance between the middles of two labels."""
+"""The least distance between the middles of two labels, in points."""
 
 _DPI = 160
 
 
 @contextmanager
 def own_style() -> Iterator[None]:
-    """Draw with Matplotlib's defaults, whatever its user has set, in a block or a function."""
+    """Use Matplotlib's defaults, not the user's settings, in a block or a decorated function."""
     with rc_context():
         rcdefaults()
         yield
@@ -43,13 +43,13 @@ def new_figure(width_in: float, height_in: float, title: str, caption: str) -> F
 
 
 def save(figure: Figure, picture: Path) -> None:
-    """Write a picture, atomically; the suffix (.png, .svg, .pdf) is its format.
+    """Write a picture, atomically; the suffix (.png, .svg, .pdf) gives the format.
 
-    The same picture is the same file, byte by byte.
+    PNG and SVG files of equal figures are equal, byte for byte.
 
     Raises:
-        OSError: the file can't be written.
-        ValueError: the format is unknown.
+        OSError: if the file can't be written.
+        ValueError: if the format is unknown.
     """
     form = picture.suffix.removeprefix(".")
     undated = {"Date": None} if form == "svg" else None
@@ -58,7 +58,7 @@ def save(figure: Figure, picture: Path) -> None:
 
 
 def count_words(runs: Sequence[int] | NDArray[np.int64]) -> str:
-    """Return ``22 runs``, ``1 run`` or, if the numbers differ, ``21 to 22 runs``."""
+    """Return numbers of runs in words: ``22 runs``, ``1 run``, ``21 to 22 runs``."""
     fewest, most = min(runs), max(runs)
     number = f"{most:,}" if fewest == most else f"{fewest:,} to {most:,}"
     return f"{number} run{'s' if most > 1 else ''}"
@@ -71,14 +71,14 @@ def quiet_grid(axes: Axes) -> None:
 
 
 def label_ends(axes: Axes, labels: Sequence[str]) -> None:
-    """Write each line's label beside its last point, and link the two.
+    """Write each line's label to the right of its last point, and link the two.
 
-    The figure must have been laid out, which gives the axes their height.
+    The figure must have been laid out before, so that the axes have their final height.
     """
     lasts = [np.asarray(line.get_xydata(), dtype=np.float64)[-1] for line in axes.lines]
     ends = [float(y) for _, y in lasts]
     to_axes = axes.transData + axes.transAxes.inverted()
-    places = np.array([to_axes.transform((0.0, end))[1] for end in ends])  # in heights of the axes
+    places = np.array([to_axes.transform((0.0, end))[1] for end in ends])  # in axes' heights
     left, right = axes.get_xlim()
     height_pt = axes.get_window_extent().height * 72 / axes.figure.dpi
     heights = spread(places, LABEL_PITCH_PT / height_pt, 0, 1)
@@ -88,7 +88,7 @@ def label_ends(axes: Axes, labels: Sequence[str]) -> None:
             label,
             xy=((x - left) / (right - left), y),
             xytext=(1.03, height),
-            xycoords=axes.get_yaxis_transform(),  # x in widths of the axes, y as the line's
+            xycoords=axes.get_yaxis_transform(),  # x in axes' widths, y as data
             textcoords="axes fraction",
             fontsize=LABEL_PT,
             color=line.get_color(),
@@ -101,20 +101,20 @@ def label_ends(axes: Axes, labels: Sequence[str]) -> None:
 def spread(
     heights: NDArray[np.float64], gap: float, low: float, high: float
 ) -> NDArray[np.float64]:
-    """Move heights as little as possible (least squares) until all are ``gap`` apart.
+    """Move heights as little as possible (least squares) until all are at least ``gap`` apart.
 
     Args:
-        heights: the wanted heights, ``[n]``, in any order, which is kept.
-        gap: least distance of two neighbours.
-        low: lower bound of the moved heights.
-        high: their upper bound, at least n − 1 gaps above the lower.
+        heights: the wanted heights, ``[n]``, in any order; the moved heights have the same order.
+        gap: the least distance between two neighbours.
+        low: the lower bound of the moved heights.
+        high: the upper bound of the moved heights, at least n − 1 gaps above ``low``.
 
     Returns:
         The moved heights, ``[n]``.
     """
     order = np.argsort(heights, kind="stable")
     room = gap * np.arange(heights.size)
-    # Without the room for those below them, the heights need only not fall: isotonic regression.
+    # Without the gaps below each, the heights must only be non-decreasing: isotonic regression.
     moved = isotonic_regression(heights[order] - room).x
     result = np.empty_like(moved)
     result[order] = np.clip(moved, low, high - room[-1]) + room

@@ -1,8 +1,8 @@
-"""The words for settings in figures and on pages."""
+"""The words for configuration keys and values, in figures and on pages."""
 
 from typing import Any
 
-_KEYS = {  # with their units
+_KEYS = {  # words and unit
     "lam": ("λ", ""),
     "alpha": ("α", ""),
     "alpha_decay": ("decay of α", ""),
@@ -39,13 +39,13 @@ _VALUES = {
 
 
 def key_words(key: str) -> str:
-    """Return the words for a key with its unit, as for an axis."""
+    """Return the words for a key, with its unit, as for the label of an axis."""
     name, unit = _KEYS.get(key, (key, ""))
     return f"{name} ({unit})" if unit else name
 
 
 def value_words(value: Any) -> str:
-    """Return the words for a value, as for a tick."""
+    """Return the words for a value, as for the tick of an axis."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float | int):
@@ -54,7 +54,7 @@ def value_words(value: Any) -> str:
 
 
 def setting_words(key: str, value: Any) -> str:
-    """Return a key with its value, ``V₀ = 0.3 m/s``, or a value that needs no key: ``Peng``."""
+    """Return the words for a setting: ``V₀ = 0.3 m/s``, or ``Peng`` if the value says enough."""
     if isinstance(value, str) and key not in _KEYS:
         return value_words(value)
     name, unit = _KEYS.get(key, (key, ""))

@@ -1,1 +1,1 @@
-"""The progress of a training: saved, and loaded again to go on."""
+"""Saves the progress of a training, and loads it to resume the training."""

@@ -1,4 +1,4 @@
-"""Interruptions of a training: by the clock, to save, and by signals, to save and perhaps end."""
+"""Interruptions of a training: saves at intervals, and saves or ends requested by signals."""
 
 import signal
 import threading
@@ -9,16 +9,16 @@ from types import FrameType
 from typing import Any, Self
 
 SAVING = ("SIGUSR1", "SIGUSR2")
-"""Signals that ask for a save, after which the work goes on. Slurm sends one as a warning."""
+"""Signals that ask for a save; the work goes on. Slurm can send one before a time limit."""
 
 _ENDING = ("SIGTERM", "SIGINT")
 
 
 class Interrupted(Exception):
-    """A signal has ended the work, which is saved.
+    """A signal has ended the work, and the work is saved.
 
     Args:
-        number: of the signal.
+        number: the number of the signal.
     """
 
     def __init__(self, number: int) -> None:
@@ -28,15 +28,15 @@ class Interrupted(Exception):
 
     def __str__(self) -> str:
         name = signal.Signals(self.args[0]).name
-        return f"{name}: what is done so far is saved"
+        return f"{name}: the work so far is saved"
 
 
 class Lost(Interrupted):
-    """A signal has ended the work, and it couldn't be saved.
+    """A signal has ended the work, and the work couldn't be saved.
 
     Args:
-        number: of the signal.
-        error: the reason.
+        number: the number of the signal.
+        error: the reason why the save failed.
     """
 
     def __init__(self, number: int, error: OSError) -> None:
@@ -46,23 +46,23 @@ class Lost(Interrupted):
 
     def __str__(self) -> str:
         name = signal.Signals(self.args[0]).name
-        return f"{name}: what was done since the last save is lost: {self.args[1]}"
+        return f"{name}: the work since the last save is lost: {self.args[1]}"
 
 
 class Interruptions:
-    """Tells when to save and when to end, within a ``with`` block in the main thread.
+    """Says when to save and when to end, inside a ``with`` block in the main thread.
 
-    In this block, SIGUSR1 and SIGUSR2 ask for a save. SIGTERM and SIGINT ask for a save and for an
-    end after it; a second one ends the process at once. Two kinds of signals are left alone: those
-    that somebody else handles, such as submitit, and a SIGTERM or SIGINT that the process was
-    started to ignore, as a script's background jobs are.
+    In this block, SIGUSR1 and SIGUSR2 ask for a save. SIGTERM and SIGINT ask for a save and the
+    end of the work; a second SIGTERM or SIGINT ends the process at once. A signal keeps its
+    handler if other code, such as submitit, has set one. SIGTERM and SIGINT stay ignored if the
+    process was started to ignore them, like the background jobs of a script.
 
-    The block may go on after the work with something that must not be cut off, such as writing
-    results; :meth:`obey` then ends it.
+    After the work, the block may do something that must not be cut off, such as writing results;
+    after that, :meth:`obey` raises the exception for a signal that has come.
 
     Args:
-        every_s: seconds from one save to the next.
-        clock: returns the seconds since any moment.
+        every_s: the seconds from one save to the next.
+        clock: returns the seconds since a fixed moment.
     """
 
     def __init__(self, every_s: float, clock: Callable[[], float] = time.monotonic) -> None:
@@ -83,7 +83,7 @@ class Interruptions:
 
     @contextmanager
     def watched(self) -> Iterator[None]:
-        """A block of work that is saved when a save is due."""
+        """Mark the block as work that can be saved, so that :meth:`save_now` waits for the save."""
         self._watched = True
         try:
             yield
@@ -92,46 +92,47 @@ class Interruptions:
 
     @property
     def ending(self) -> bool:
-        """True if the work is to end."""
+        """True if a signal has asked for the end of the work."""
         return bool(self._ends_by)
 
     def due(self) -> bool:
-        """Return True if it is time to save."""
+        """Return True if a save is due: asked for by a signal, or after ``every_s`` seconds."""
         return self._asked or self.ending or self._clock() - self._last_s >= self._every_s
 
     def saved(self) -> None:
-        """Take note that everything is saved.
+        """Record that everything is saved.
 
         Raises:
-            Interrupted: the work is to end.
+            Interrupted: if a signal has asked for the end of the work.
         """
         self._end_save(well=True)
         self.obey()
 
     def obey(self) -> None:
-        """End the work if it is to end. Everything must be saved or finished by now.
+        """End the work if a signal has asked for it; everything must be saved or finished by now.
 
         Raises:
-            Interrupted: the work is to end.
+            Interrupted: if a signal has asked for the end of the work.
         """
         if self._ends_by:
             raise Interrupted(self._ends_by)
 
     def failed(self, error: OSError) -> None:
-        """Take note that the save failed. It is due again after an interval or at a signal.
+        """Record that the save failed; the next is due after ``every_s`` seconds or at a signal.
 
         Raises:
-            Lost: the work is to end.
+            Lost: if a signal has asked for the end of the work.
         """
         self._end_save(well=False)
         if self._ends_by:
             raise Lost(self._ends_by, error) from error
 
     def save_now(self, timeout_s: float) -> bool:
-        """Ask for a save, from the main thread, and wait for it.
+        """Ask the working threads for a save, and wait for it.
 
         Returns:
-            True if it was saved; False if that failed or took too long, or nothing is at work.
+            True if the work was saved; False if the save failed or took longer than ``timeout_s``,
+            or if no work is going on.
         """
         if not self._watched:
             return False
@@ -145,7 +146,7 @@ class Interruptions:
 
     def _answer_to(self, names: tuple[str, ...], instead_of: tuple[Any, ...]) -> None:
         for name in names:
-            number = getattr(signal, name, None)  # Windows hasn't all
+            number = getattr(signal, name, None)  # Windows lacks some
             if number is not None and signal.getsignal(number) in instead_of:
                 self._before[number] = signal.signal(number, self._answer)
 

@@ -1,4 +1,4 @@
-"""The unfinished runs of all workers, gathered so that they can be saved."""
+"""Gathers the unfinished runs of all worker threads, so that they can be saved together."""
 
 from collections.abc import Callable, Sequence
 
@@ -8,21 +8,21 @@ from torch import Tensor
 from fnnq_torchrl.training.resume.interruptions import Interruptions
 
 Hand = tuple[Tensor, TensorDictBase]
-"""The numbers of jobs that have begun, int64 ``[busy]``, and their states, ``[busy]``."""
+"""The unfinished jobs of a worker: their numbers, int64 ``[busy]``, and states, ``[busy]``."""
 
 
 class HandsKeeper:
     """The :class:`fnnq_torchrl.engine.scheduler.Keeper` that saves whenever a save is due.
 
-    When one is due, each worker leaves a copy of its unfinished runs at its next visit, and goes
-    on. The last worker saves all copies, together with what is finished. A training that resumes
-    from these copies repeats the steps that came after them, with the same results.
+    When a save is due, each worker copies its unfinished runs at its next visit, and goes on. The
+    last worker to do so saves all copies and the finished runs. A training that resumes from these
+    copies repeats the steps after them, with the same results.
 
     Args:
-        interruptions: says when a save is due, and whether the work is to end.
-        save: called with one `Hand` from each worker that has unfinished runs. If it raises an
-            `OSError`, the work goes on, and the next save is due an interval later; but if the
-            work is to end, it ends with `Lost`.
+        interruptions: the object that says when a save is due, and whether the work is to end.
+        save: the function that saves, called with one `Hand` from each worker that has unfinished
+            runs. If it raises an `OSError`, the work goes on, and the next save is due an interval
+            later. If the work is to end, it then ends with `Lost`.
     """
 
     def __init__(
@@ -30,7 +30,7 @@ class HandsKeeper:
     ) -> None:
         self._interruptions, self._save = interruptions, save
         self._busy: set[int] = set()
-        self._hands: dict[int, Hand] | None = None  # while they are gathered
+        self._hands: dict[int, Hand] | None = None  # by worker, while they are gathered
 
     def visit(self, worker: int, jobs: Tensor, state: TensorDictBase) -> None:
         busy = jobs >= 0
@@ -49,11 +49,11 @@ class HandsKeeper:
             self._save_all(hands)
 
     def finish(self) -> None:
-        """Save once more if the work is to end. No worker may have unfinished runs by now.
+        """Save once more if the work is to end; call this when no worker has unfinished runs.
 
         Raises:
-            Interrupted: the work is to end, and is saved.
-            Lost: it is to end, and can't be saved.
+            Interrupted: if the work is to end, and is saved.
+            Lost: if the work is to end, and can't be saved.
         """
         if self._interruptions.ending:
             self._save_all([])

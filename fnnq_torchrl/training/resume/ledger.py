@@ -1,4 +1,4 @@
-"""The progress of a batch, which can be saved and loaded."""
+"""The progress of a batch of runs, which can be saved and loaded."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,24 +16,27 @@ from fnnq_torchrl.training.resume.snapshots import SnapshotBook
 
 
 class Ledger:
-    """The progress of a batch: snapshots, situations learned and played, and seconds.
+    """The progress of a batch: weight snapshots, situations learned and played, and seconds.
 
     Attributes:
-        book: the snapshots.
-        learned: situations learned from, int64 ``[runs]``; all, for a run that has diverged.
-        diverged: true if a run had diverged when an evaluation was due, bool ``[evaluations,
+        book: the weight snapshots.
+        learned: the number of situations each run has learned from, int64 ``[runs]``. A diverged
+            run counts as having learned from all.
+        diverged: True if a run had diverged when an evaluation was due, bool ``[evaluations,
             runs]``. Such an evaluation is not played.
-        hands: the runs that were learning when this was saved, and their states then.
-        results: of the test (:func:`fnnq_torchrl.training.evaluation.no_results`), batch size
+        hands: the runs that were learning when this progress was saved, with their states at that
+            time (see `Hand`).
+        results: the test results (:func:`fnnq_torchrl.training.evaluation.no_results`), batch size
             ``[evaluations, runs, tests]``.
-        seconds: of ``train``, ``compile`` and ``evaluate``; compiling isn't part of the others.
+        seconds: the wall times of ``train``, ``compile`` and ``evaluate``; compiling isn't part of
+            the others.
 
     Args:
         runs: the values in which the runs differ.
-        weights: of the runs before learning, by name, each ``[runs, *weights]``.
-        every: situations from one evaluation to the next.
-        evaluations: their number, the one before learning included.
-        tests: situations in each.
+        weights: the weights before learning, by name, each ``[runs, *weights]``.
+        every: the number of situations from one evaluation to the next.
+        evaluations: the number of evaluations, including the one before learning.
+        tests: the number of situations in each evaluation.
     """
 
     def __init__(
@@ -56,18 +59,18 @@ class Ledger:
         self._since = 0.0
 
     def stop(self, runs: Tensor, steps: Tensor) -> None:
-        """Stop runs that have diverged; the last snapshot of each stands for all later ones.
+        """Stop diverged runs; the last snapshot of each run is used for its later evaluations.
 
         Args:
-            runs: their numbers, int64 ``[stopped]``.
-            steps: the steps that they have taken, int64 ``[stopped]``.
+            runs: the numbers of the diverged runs, int64 ``[stopped]``.
+            steps: the number of steps that each has taken, int64 ``[stopped]``.
         """
         self.book.close(runs, steps)
         due = torch.arange(len(self.diverged)).unsqueeze(-1)
         self._leave_out(runs, due > self.book.collected[runs])
 
     def stop_where_not_finite(self) -> None:
-        """Leave out the evaluations of weights that a last step has made infinite or NaN."""
+        """Mark evaluations as diverged, and don't play them, if their weights aren't finite."""
         weights = self.book.pages["weights"].flatten_keys(".").values()
         finite = [weight.isfinite().flatten(2).all(-1) for weight in weights]
         self._leave_out(slice(None), ~torch.stack(finite).all(0).cpu())
@@ -78,7 +81,7 @@ class Ledger:
 
     @contextmanager
     def timed(self, what: str) -> Iterator[None]:
-        """Count the time of a block, without that of timed blocks inside it."""
+        """Add the seconds of the block, less those of timed blocks inside, to ``seconds[what]``."""
         self._split()
         self._running.append(what)
         try:
@@ -97,8 +100,8 @@ class Ledger:
         """Return the progress as plain tensors and numbers.
 
         Args:
-            hands: the runs that are learning now, and their states. Runs that were loaded and that
-                no worker has taken up yet are added as they were.
+            hands: the runs that are learning now, and their states. Runs that were loaded, but that
+                no worker has taken up again, are added in their loaded state.
         """
         self._split()
         hands = [*hands, *self._waiting(hands)]
@@ -114,7 +117,7 @@ class Ledger:
         }
 
     def _waiting(self, hands: Sequence[Hand]) -> Iterator[Hand]:
-        """Yield the loaded runs that are neither done nor in a worker's hands."""
+        """Yield the loaded runs that are unfinished and not among ``hands``."""
         elsewhere = self.learned >= (len(self.diverged) - 1) * self.book.every
         for jobs, _ in hands:
             elsewhere[jobs] = True
@@ -124,11 +127,12 @@ class Ledger:
                 yield jobs[here], state[here.to(state.device)]
 
     def load_state_dict(self, saved: dict[str, Any], rows: Tensor) -> None:
-        """Load the progress of these runs from a ledger that had them, and perhaps others.
+        """Load the progress of these runs from a saved ledger, which may have more runs.
 
         Args:
-            saved: the :meth:`state_dict` of that ledger, with equal evaluations and weights.
-            rows: the place of each run in that ledger, int64 ``[runs]``.
+            saved: the :meth:`state_dict` of the saved ledger. Its numbers of evaluations and tests
+                and its weights' shapes must be those of this ledger.
+            rows: the row of each run in the saved ledger, int64 ``[runs]``.
         """
         pages = self.book.pages
         evaluations, runs = len(pages), len(saved["runs"])

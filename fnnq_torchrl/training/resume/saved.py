@@ -1,4 +1,4 @@
-"""The file of a training that isn't finished."""
+"""The file that holds an unfinished training."""
 
 import hashlib
 from collections.abc import Sequence
@@ -18,15 +18,17 @@ from fnnq_torchrl.training.resume.ledger import Ledger
 
 FORMAT = 3
 
-# Learning doesn't depend on these keys; the identity has the engine that was chosen instead.
+# Keys left out of the identity: no result depends on ASIDE, the values of BATCHABLE are compared
+# run by run, and the identity has the chosen engine instead of the key ``engine``.
 _NO_MATTER = (*ASIDE, "engine", *BATCHABLE)
 
 
 class SavedTraining:
-    """The file of a batch's training, in the batch's directory.
+    """The file of a batch's unfinished training, in the batch's directory.
 
     Args:
-        batch: the batch, with its engine: the results of another would differ in the last bits.
+        batch: the batch. Its engine is part of the training's identity, because the results of
+            different engines differ in the last bits.
     """
 
     def __init__(self, batch: Batch) -> None:
@@ -44,9 +46,9 @@ class SavedTraining:
         """Read the file, if there is one and ``resume`` isn't ``never``.
 
         Raises:
-            ConfigError: it was saved with another configuration, engine or version of PyTorch, or
-                with other or more runs, or it is damaged.
-            OSError: it can't be read.
+            ConfigError: if the file was saved with another configuration, engine or version of
+                PyTorch, or with other or more runs, or if it is damaged.
+            OSError: if the file can't be read.
         """
         if self._batch.config.resume == "never" or not self.path.exists():
             return
@@ -63,7 +65,8 @@ class SavedTraining:
                 "take another directory, or start over with resume=never"
             )
         saved, runs = len(content["ledger"]["runs"]), len(rows)
-        # In a sweep, the others may be of jobs that are finished. Here they would be thrown away.
+        # In a sweep, further runs may be those of finished jobs. In a single job, further runs
+        # would be thrown away.
         if saved > runs and self._batch.jobs[0].sweep is None:
             raise ConfigError(
                 f"{self.path} was saved with {saved:,} runs, not num_seeds={runs}; "
@@ -72,10 +75,10 @@ class SavedTraining:
         self._read = content["ledger"], torch.from_numpy(rows)
 
     def restore(self, ledger: Ledger) -> bool:
-        """Load what was read into the ledger.
+        """Load into the ledger the progress that :meth:`read` has found, if any.
 
         Returns:
-            True if there was a file.
+            True if progress was loaded.
         """
         read, self._read = self._read, None
         if read is not None:
@@ -85,12 +88,16 @@ class SavedTraining:
     def save(self, ledger: Ledger, hands: Sequence[Hand]) -> None:
         """Write the progress so far.
 
+        Args:
+            ledger: the progress.
+            hands: the runs that are learning now, and their states.
+
         Raises:
-            OSError: the file can't be written; an earlier one stays as it was.
+            OSError: if the file can't be written; an earlier file stays unchanged.
         """
         content = {"identity": self._identity, "ledger": ledger.state_dict(hands)}
         write_plain(self.path, FORMAT, content)
 
     def discard(self) -> None:
-        """Remove the file, since everything is finished."""
+        """Remove the file, after all results are written."""
         self.path.unlink(missing_ok=True)

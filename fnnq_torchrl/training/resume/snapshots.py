@@ -1,4 +1,4 @@
-"""The weights of all runs at all of their evaluations."""
+"""The weights of all runs at each evaluation."""
 
 from collections.abc import Mapping
 
@@ -10,18 +10,18 @@ from fnnq_torchrl.config.schema import ConfigError
 
 
 class SnapshotBook:
-    """The snapshots of all runs: weights and steps at the moment when each evaluation was due.
+    """The snapshots of all runs: their weights and steps when each evaluation was due.
 
     Attributes:
-        pages: batch size ``[evaluations, runs]``: ``weights`` by name, and ``steps``, int64. The
-            first page has the weights before learning.
-        collected: the last page that each run has, int64 ``[runs]``.
-        every: situations from one page to the next.
+        pages: the snapshots, a page for each evaluation, batch size ``[evaluations, runs]``:
+            ``weights`` by name, and ``steps``, int64. The first page is that before learning.
+        collected: the index of the last page that each run has reached, int64 ``[runs]``.
+        every: the number of situations from one evaluation to the next.
 
     Args:
-        weights: the runs' weights before learning, by name, each ``[runs, *weights]``.
-        every: situations from one evaluation to the next.
-        evaluations: their number, the one before learning included.
+        weights: the weights before learning, by name, each ``[runs, *weights]``.
+        every: the number of situations from one evaluation to the next.
+        evaluations: the number of evaluations, including the one before learning.
     """
 
     def __init__(self, weights: Mapping[str, Tensor], every: int, evaluations: int):
@@ -48,8 +48,8 @@ class SnapshotBook:
         """Copy the last page of each run that has stopped onto the pages after it.
 
         Args:
-            runs: their numbers, int64 ``[closed]``.
-            steps: the steps that they have taken, int64 ``[closed]``.
+            runs: the numbers of the stopped runs, int64 ``[closed]``.
+            steps: the number of steps that each has taken, int64 ``[closed]``.
         """
         for run, taken in zip(runs.tolist(), steps.tolist(), strict=True):
             last = int(self.collected[run])
@@ -58,16 +58,17 @@ class SnapshotBook:
             self.pages["steps"][last + 1 :, run] = taken
 
     def collect(self, runs: Tensor, state: TensorDictBase) -> None:
-        """Put the snapshots that are new since the last call on their pages.
+        """Copy the snapshots that are new since the last call onto their pages.
 
         Snapshots after a run's last evaluation are ignored.
 
         Args:
-            runs: the number of each lane's run, −1 for an empty lane, int64 ``[lanes]``.
+            runs: the number of the run on each lane (row) of the batch, −1 for an empty lane, int64
+                ``[lanes]``.
             state: the learner's state, ``[lanes]``.
 
         Raises:
-            ConfigError: a run has had two snapshots since the last call, so the first one is lost.
+            ConfigError: if a run has taken two snapshots since the last call; the first is lost.
         """
         due = (state["situations"].squeeze(-1).cpu() // self.every).clamp(max=self._last)
         busy = runs >= 0
