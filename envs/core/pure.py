@@ -31,7 +31,7 @@ class PureEnv(EnvBase):
     A subclass has a ``schema``, names the state that it carries in ``state_keys``, and has two pure
     functions, :meth:`initial` and :meth:`transition`. Everything else is done here: specs, seeds,
     resets, the count of steps, the time limit. Entries of the TensorDicts, each
-    ``[*batch_size, 1]``:
+    ``[*batch_size, 1]``, but for a state with more numbers (``state_sizes``):
 
     ============================  ================================================================
     the observations, the state   real
@@ -90,6 +90,11 @@ class PureEnv(EnvBase):
         self.register_buffer("situations", situations)
         self.seed_runs(seed)
         self._make_specs()
+
+    @property
+    def state_sizes(self) -> dict[str, int]:
+        """The hidden state's entries by their names, each with how many numbers it has."""
+        return dict.fromkeys(self.state_keys, 1)
 
     @abstractmethod
     def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
@@ -201,8 +206,12 @@ class PureEnv(EnvBase):
 
         seen = {key: _spec(*span, **real) for key, span in self.world.observations.items()}
         self.seen = [*seen]
-        self._kept = [*seen, *(key for key in self.state_keys if key not in seen)]
-        state = {key: Unbounded(**real) for key in self._kept}
+        sizes = dict.fromkeys(seen, 1) | self.state_sizes
+        self._kept = [*sizes]
+        state = {
+            key: Unbounded(**(real | {"shape": (*self.batch_size, size)}))
+            for key, size in sizes.items()
+        }
         state |= {key: Unbounded(shape, dtype=torch.int64, device=self.device) for key in WHEN}
         self.state_spec = composite(**state)
         seen |= {"chance": Bounded(0, 1, **real), "success": flag()}

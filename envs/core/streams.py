@@ -24,11 +24,13 @@ Words = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
 class Stream(IntEnum):
-    """The purposes of random words. Streams share none; there is room for three more."""
+    """The purposes of random words. Streams share none; there is room for one more."""
 
     STEP = 0
     START = 1
     CHANCE = 2
+    LAYOUT = 3
+    SENSORS = 4
 
 
 def pcg4d(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:

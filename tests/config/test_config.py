@@ -159,7 +159,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             "env.kind=maze",
-            "env.kind=maze: must be follow_ball, follow_one_side or, of your own, module:Class",
+            "env.kind=maze: must be follow_ball, follow_obstacles, follow_one_side, wander or, of your own, module:Class",
         ),
         ("env.kind=nowhere:Maze", "env.kind=nowhere:Maze: No module named 'nowhere'"),
         (
