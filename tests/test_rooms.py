@@ -32,10 +32,14 @@ ROOMS = [
 ONLY_IN = {
     "gymnasium": ["envs.gymnasium"],
     "hydra": ["fnnq_torchrl.launch", "hydra_plugins"],
-    "matplotlib": ["fnnq_torchrl.training.pictures", "fnnq_torchrl.studies"],
+    "matplotlib": [
+        "envs.robot.drawing",
+        "fnnq_torchrl.training.pictures",
+        "fnnq_torchrl.studies",
+    ],
     "submitit": ["fnnq_torchrl.launch.cluster"],
     "mlflow": ["fnnq_torchrl.training.loggers.mlflow"],
-    "PIL": ["fnnq_torchrl.training.loggers.tensorboard"],
+    "PIL": ["fnnq_torchrl.training.loggers.tensorboard", "fnnq_torchrl.training.watching"],
     "wandb": ["fnnq_torchrl.training.loggers"],
 }
 

@@ -160,6 +160,10 @@ class Arena(PureEnv):
             for key, value in entries.items()
         }
 
+    def obstacles(self, state: Entries) -> tuple[Walls | None, Boxes | None, Discs | None]:
+        """Return what the robot may run into in a state, each ``[objects, *batch]``."""
+        return self._obstacles(self._objects_first(state))
+
     def _start_ball(self, routes: list[PathConfig], draws: Draws) -> paths.Motion:
         """Draw one of a ball's paths, and how it begins."""
         starts = [paths.start(route, draws) for route in routes]

@@ -120,7 +120,7 @@ def test_it_keeps_the_contract(name, request):
 
 
 def objects(env: Arena, state) -> tuple[Boxes, Discs]:
-    _, boxes, discs = env._obstacles(env._objects_first(dict(state.items())))
+    _, boxes, discs = env.obstacles(dict(state.items()))
     return boxes, discs
 
 
