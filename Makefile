@@ -12,7 +12,7 @@ JAX := benchmarks/.jax
 SB3 := benchmarks/peers/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation test fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation simulator test fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -40,6 +40,10 @@ adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 
 extrapolation: install  ## docs/extrapolation.md: what value functions do where they have seen nothing (takes eight minutes)
 	for name in value_functions extrapolation; do $(EXPERIMENT) +experiment=$$name || exit; done
 	$(BIN)/python -m fnnq_torchrl.extrapolation
+
+simulator: install  ## docs/simulator.md: what is learned among obstacles, over 100 seeds (takes some minutes)
+	$(EXPERIMENT) +experiment=simulator
+	$(BIN)/python -m fnnq_torchrl.simulator
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto

@@ -30,7 +30,7 @@ ROOMS = [
 
 # Who may import a library that is slow to load, or belongs at the edge.
 ONLY_IN = {
-    "gymnasium": ["envs.gymnasium"],
+    "gymnasium": ["envs.gymnasium", "fnnq_torchrl.launch.registration"],
     "hydra": ["fnnq_torchrl.launch", "hydra_plugins"],
     "matplotlib": [
         "envs.robot.drawing",

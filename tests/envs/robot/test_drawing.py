@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from torchrl.envs import TransformedEnv, check_env_specs
 
 from envs.robot import drawing
 from envs.robot.drawing import Canvas, Shot, shot_of
+from envs.robot.pixels import Pixels
 from envs.worlds import make_world
 from fnnq_torchrl.launch.composition import load_config
 
@@ -64,3 +66,11 @@ def test_the_same_state_has_the_same_picture():
     env = make_world(load_config("task=wander").env, [1])
     shot = shot_of(env, env.reset())
     assert np.array_equal(Canvas(1, 100).draw([[shot]]), Canvas(1, 100).draw([[shot]]))
+
+
+def test_torchrl_gets_pixels():
+    env = TransformedEnv(make_world(load_config("task=wander").env, [2]), Pixels(60))
+    check_env_specs(env)
+    pixels = env.rollout(2)["next", "pixels"]
+    assert pixels.shape[:2] == (2, 2)
+    assert (pixels[0] != pixels[1]).any()
