@@ -11,11 +11,11 @@ Keys, each as key=value:
     size        width of a panel in pixels (default: 360)
 """
 
-import difflib
 import sys
 from pathlib import Path
 
 from fnnq_torchrl.config.schema import ConfigError
+from fnnq_torchrl.launch.words import parse, whole
 
 _DEFAULTS = {
     "run": "",
@@ -35,7 +35,7 @@ def main() -> None:
         sys.stdout.write(__doc__ or "")
         return
     try:
-        for path in watch(_parsed(sys.argv[1:])):
+        for path in watch(parse(sys.argv[1:], _DEFAULTS, ["run"])):
             sys.stdout.write(f"{path}\n")
     except (ConfigError, OSError, ValueError, TypeError) as error:
         sys.stderr.write(f"{' '.join(str(error).split())}\n")
@@ -54,7 +54,7 @@ def watch(given: dict[str, str]) -> list[Path]:
     Raises:
         ConfigError, OSError, ValueError, TypeError: it can't be drawn.
     """
-    situations, every, size_px = (_whole(given, key) for key in ("situations", "every", "size"))
+    situations, every, size_px = (whole(given, key) for key in ("situations", "every", "size"))
     if given["when"] not in _WHEN:
         raise ConfigError(f"when={given['when']}: must be {' or '.join(_WHEN)}")
     # After the checks: torch takes seconds to import.
@@ -78,32 +78,12 @@ def watch(given: dict[str, str]) -> list[Path]:
                 moment = "after" if learned else "before"
                 titles.append(f"{moment} learning, run {seed}, test {number}")
     to = Path(given["to"] or directory / "robot.gif")
-    write_gif(films, titles, to, size_px=size_px, every=every)
+    # Before learning above, after it below.
+    columns = len(films) // 2 if given["when"] == "both" else None
+    write_gif(films, titles, to, size_px=size_px, every=every, columns=columns)
     stills = to.with_suffix(".png")
     write_strip(films[-1], titles[-1], stills, size_px=size_px)
     return [to, stills]
-
-
-def _parsed(words: list[str]) -> dict[str, str]:
-    given = dict(_DEFAULTS)
-    for word in words:
-        key, equals, value = word.partition("=")
-        if key not in given:
-            near = difflib.get_close_matches(key, given, n=1)
-            advice = f"did you mean {near[0]}=…?" if near else f"there is {', '.join(given)}"
-            raise ConfigError(f"{word}: {advice}")
-        if not (equals and value):
-            raise ConfigError(f"{word}: must be {key}=…")
-        given[key] = value
-    if not given["run"]:
-        raise ConfigError("run=DIR is missing: the directory of a finished job")
-    return given
-
-
-def _whole(given: dict[str, str], key: str) -> int:
-    if not (given[key].isdecimal() and int(given[key]) >= 1):
-        raise ConfigError(f"{key}={given[key]}: must be a whole number >= 1")
-    return int(given[key])
 
 
 def _seeds(text: str) -> list[int]:

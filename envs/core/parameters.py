@@ -145,6 +145,24 @@ def mappings() -> Any:
     )
 
 
+def groups() -> Any:
+    """A list of lists of different names, at least one in each."""
+    return _declare(
+        lambda value: (
+            isinstance(value, list)
+            and len(value) >= 1
+            and all(
+                isinstance(group, list)
+                and len(group) >= 1
+                and all(isinstance(name, str) for name in group)
+                and len({*group}) == len(group)
+                for group in value
+            )
+        ),
+        "a list of groups [name, …] of different names",
+    )
+
+
 def texts(most: int) -> Any:
     """A list of texts, empty or not, each of 1 to `most` letters."""
     return _declare(

@@ -13,6 +13,7 @@ from envs.core.parameters import (
     OutOfRange,
     Parameters,
     flag,
+    groups,
     matching,
     number,
     one_of,
@@ -31,6 +32,7 @@ __all__ = [
     "SCHEMAS",
     "LabelsConfig",
     "MLPConfig",
+    "SumConfig",
     "TilesConfig",
     "ValueConfig",
 ]
@@ -74,6 +76,28 @@ class LabelsConfig(ValueConfig):
     width: str = one_of("sigma", "variance")
 
     of_each_input: ClassVar = "labels"
+
+
+@dataclass
+class SumConfig(LabelsConfig):
+    """The same labels, with rules for each of some groups of inputs instead of for all at once."""
+
+    rules: Any = or_null(groups())
+
+    @property
+    def groups(self) -> list[list[str]]:
+        """The groups of inputs."""
+        return self.rules or [[name] for name in self.inputs]
+
+    def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
+        """Yield unknown inputs, groups of what isn't an input, and inputs without a rule."""
+        yield from super().misfits(world)
+        known = ", ".join(self.inputs)
+        named = {name for group in self.groups for name in group}
+        if named - {*self.inputs}:
+            yield OutOfRange("rules", self.rules, f"groups of the inputs: {known}")
+        if missing := [name for name in self.inputs if name not in named]:
+            yield OutOfRange("rules", self.rules, f"groups with every input, {missing[0]} too")
 
 
 @dataclass
@@ -121,6 +145,7 @@ class MLPConfig(ValueConfig):
 
 SCHEMAS: dict[str, type[ValueConfig]] = {
     "fnnq": LabelsConfig,
+    "fnnq_sum": SumConfig,
     "mlp": MLPConfig,
     "rbf": LabelsConfig,
     "table": LabelsConfig,

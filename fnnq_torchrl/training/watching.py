@@ -103,7 +103,13 @@ def _films(
 
 
 def write_gif(
-    films: Sequence[Film], titles: Sequence[str], path: Path, *, size_px: int, every: int
+    films: Sequence[Film],
+    titles: Sequence[str],
+    path: Path,
+    *,
+    size_px: int,
+    every: int,
+    columns: int | None = None,
 ) -> None:
     """Write a moving picture of situations side by side, atomically.
 
@@ -113,8 +119,9 @@ def write_gif(
         path: the file to write.
         size_px: width of a panel.
         every: steps from one frame to the next.
+        columns: panels side by side; about as many as rows by default.
     """
-    canvas = Canvas(len(films), size_px, titles)
+    canvas = Canvas(len(films), size_px, titles, columns)
     last = max(map(len, films)) - 1
     moments = [*range(0, last, every), last]
     frames = [

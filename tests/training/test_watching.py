@@ -56,7 +56,7 @@ def test_the_command_leaves_a_moving_picture_and_stills(
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        ((), "run=DIR is missing: the directory of a finished job"),
+        ((), "run=… is missing"),
         (("run=nowhere",), "nowhere"),
         (("run=x", "seeds=1"), "seeds=1: did you mean seed=…?"),
         (("run=x", "when=now"), "when=now: must be after or before or both"),
