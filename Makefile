@@ -13,7 +13,7 @@ SB3 := benchmarks/peers/.venv
 FOREIGN := tests/foreign/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules test foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules simulator test foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -22,6 +22,7 @@ install: $(STAMP)  ## everything into .venv, at the versions of constraints.txt 
 
 run: install  ## train 22 runs with λ = 0.2
 	$(BIN)/python -m fnnq_torchrl.train lam=0.2 num_seeds=22
+	@echo "to see one drive: $(BIN)/python -m fnnq_torchrl.watch run=$$(ls -td outputs/2* | head -n 1) situations=5 when=both"
 
 figures: install  ## the paper's figures and ours, 22 seeds each, into outputs/figures
 	printf '%s\n' variants exploration traces decay fig2 fig3 | xargs -P 2 -I {} $(EXPERIMENT) +experiment={}
@@ -45,6 +46,10 @@ extrapolation: install  ## docs/extrapolation.md: value functions at bearings th
 rules: install  ## docs/rules.md: do distilled controllers catch what the learned ones catch, over 1,000 seeds?
 	$(EXPERIMENT) num_seeds=$(SEEDS) hydra.run.dir=outputs/rules
 	$(BIN)/python -m fnnq_torchrl.rules run=outputs/rules page=docs/rules.md
+
+simulator: install  ## docs/simulator.md: what is learned among obstacles, over 100 seeds (takes some minutes)
+	$(EXPERIMENT) +experiment=simulator
+	$(BIN)/python -m fnnq_torchrl.simulator
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto

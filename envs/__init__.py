@@ -10,9 +10,12 @@ from typing import Any
 _HOMES = {
     "ConfigError": "core.parameters",
     "FollowBall": "robot.follow",
+    "FollowObstacles": "robot.follow_obstacles",
     "FollowOneSide": "robot.one_side",
+    "Pixels": "robot.pixels",
     "PureEnv": "core.pure",
     "Stream": "core.streams",
+    "Wander": "robot.wander",
     "WorldConfig": "core.world",
     "check_world": "core.contract",
     "draw": "core.streams",

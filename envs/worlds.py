@@ -6,11 +6,15 @@ from envs.core.pure import PureEnv
 from envs.core.registry import class_of
 from envs.core.world import WorldConfig
 from envs.robot.follow import FollowBall
+from envs.robot.follow_obstacles import FollowObstacles
 from envs.robot.one_side import FollowOneSide
+from envs.robot.wander import Wander
 
 WORLDS: dict[str, type[PureEnv]] = {
     "follow_ball": FollowBall,
+    "follow_obstacles": FollowObstacles,
     "follow_one_side": FollowOneSide,
+    "wander": Wander,
 }
 
 

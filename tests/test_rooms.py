@@ -30,12 +30,16 @@ ROOMS = [
 
 # The only places that may import each library that is slow to load or belongs at the edge.
 ONLY_IN = {
-    "gymnasium": ["envs.gymnasium"],
+    "gymnasium": ["envs.gymnasium", "fnnq_torchrl.launch.registration"],
     "hydra": ["fnnq_torchrl.launch", "hydra_plugins"],
-    "matplotlib": ["fnnq_torchrl.training.pictures", "fnnq_torchrl.studies"],
+    "matplotlib": [
+        "envs.robot.drawing",
+        "fnnq_torchrl.training.pictures",
+        "fnnq_torchrl.studies",
+    ],
     "submitit": ["fnnq_torchrl.launch.cluster"],
     "mlflow": ["fnnq_torchrl.training.loggers.mlflow"],
-    "PIL": ["fnnq_torchrl.training.loggers.tensorboard"],
+    "PIL": ["fnnq_torchrl.training.loggers.tensorboard", "fnnq_torchrl.training.watching"],
     "wandb": ["fnnq_torchrl.training.loggers"],
 }
 

@@ -7,11 +7,12 @@ Fields have no defaults, because only the YAML files hold defaults::
 `check` raises an error for a value outside its range; `allowed` describes every range in words.
 """
 
+import difflib
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from math import inf
-from typing import Any, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 MOST = 2**63 - 1
 """The largest whole number allowed, that of an int64 tensor."""
@@ -99,6 +100,72 @@ def pairs(first: str, second: str, *, above: float = -inf) -> Any:
 
     bound = f" with {second} > {above:g}" if above > -inf else ""
     return _declare(holds, f"a list of at least one pair [{first}, {second}]{bound}")
+
+
+def number_or_range(low: float = -inf, *, above: float = -inf) -> Any:
+    """A finite number, at least `low` or above `above`, or a pair [least, greatest] of such."""
+    bound = f", >= {low:g}" if low > -inf else f", > {above:g}" if above > -inf else ""
+    return _declare(
+        lambda value: _is_spread(value) and all(low <= end and above < end for end in _ends(value)),
+        f"a number, or a range [least, greatest] to draw from{bound}",
+    )
+
+
+def place() -> Any:
+    """A point [x, y], each a number or a range [least, greatest]."""
+    return _declare(
+        lambda value: isinstance(value, list) and len(value) == 2 and all(map(_is_spread, value)),
+        "a point [x, y], each a number or a range [least, greatest] to draw from",
+    )
+
+
+def point(first: str, second: str, *, above: float = -inf) -> Any:
+    """A pair of finite numbers, each above `above`."""
+    bound = f" of numbers > {above:g}" if above > -inf else ""
+    return _declare(
+        lambda value: _is_pair(value) and min(value) > above, f"a pair [{first}, {second}]{bound}"
+    )
+
+
+def rows(*names: str, least: int = 1) -> Any:
+    """A list of at least so many rows of finite numbers, one for each name."""
+    return _declare(
+        lambda value: (
+            isinstance(value, list)
+            and len(value) >= least
+            and all(
+                isinstance(row, list) and len(row) == len(names) and all(map(_is_finite, row))
+                for row in value
+            )
+        ),
+        f"a list of at least {least} [{', '.join(names)}]",
+    )
+
+
+def mappings() -> Any:
+    """A list of mappings, empty or not; who has it checks what is in them (`made_from`)."""
+    return _declare(
+        lambda value: isinstance(value, list) and all(isinstance(entry, dict) for entry in value),
+        "a list of mappings {key: value, …}",
+    )
+
+
+def groups() -> Any:
+    """A list of lists of different names, at least one in each."""
+    return _declare(
+        lambda value: (
+            isinstance(value, list)
+            and len(value) >= 1
+            and all(
+                isinstance(group, list)
+                and len(group) >= 1
+                and all(isinstance(name, str) for name in group)
+                and len({*group}) == len(group)
+                for group in value
+            )
+        ),
+        "a list of groups [name, …] of different names",
+    )
 
 
 def texts(most: int) -> Any:
@@ -239,6 +306,34 @@ def allowed(schema: type[Parameters], prefix: str = "") -> dict[str, str]:
     return words
 
 
+Made = TypeVar("Made", bound=Parameters)
+
+
+def made_from(schema: type[Made], values: Mapping[str, Any], key: str) -> Made:
+    """Return the parameters that a mapping in a list has, checked.
+
+    Args:
+        schema: a dataclass whose fields carry ranges.
+        values: by the names of its fields.
+        key: of the mapping, as in ``obstacles[0]``.
+
+    Raises:
+        OutOfRange: a name is unknown or missing, or its value isn't allowed.
+    """
+    known = {item.name: item for item in fields(schema)}  # type: ignore[arg-type]
+    for name, value in values.items():
+        if name not in known:
+            near = difflib.get_close_matches(str(name), known, n=1)
+            meant = f"; did you mean {near[0]}?" if near else ""
+            raise OutOfRange(f"{key}.{name}", value, f"one of the keys {', '.join(known)}{meant}")
+    for name, item in known.items():
+        if name not in values:
+            raise OutOfRange(f"{key}.{name}", "???", item.metadata[_RANGE].words)
+    made = schema(**values)
+    check(made, f"{key}.")
+    return made
+
+
 _WORD = "[A-Za-z_][A-Za-z0-9_]{0,63}"
 _RANGE = "range"  # the key of the Range in a field's metadata
 
@@ -254,6 +349,14 @@ def _is_whole(value: Any) -> bool:
 
 def _is_pair(value: Any) -> bool:
     return isinstance(value, list) and len(value) == 2 and all(map(_is_finite, value))
+
+
+def _is_spread(value: Any) -> bool:
+    return _is_finite(value) or (_is_pair(value) and bool(value[0] <= value[1]))
+
+
+def _ends(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
 
 
 def _is_finite(value: Any) -> bool:

@@ -34,7 +34,7 @@ class PureEnv(EnvBase):
     A subclass sets ``schema``, lists its hidden state in ``state_keys`` and defines two pure
     functions, :meth:`initial` and :meth:`transition`. This class adds the specs, the seeds, the
     resets, the step count and the time limit. The TensorDicts have these entries, each
-    ``[*batch_size, 1]``:
+    ``[*batch_size, 1]``, except hidden state with more numbers (``state_sizes``):
 
     ============================  ================================================================
     the observations, the state   real
@@ -94,6 +94,11 @@ class PureEnv(EnvBase):
         self.register_buffer("situations", situations)
         self.seed_runs(int(torch.randint(_DRAWN_SEEDS, ())) if seed is None else seed)
         self._make_specs()
+
+    @property
+    def state_sizes(self) -> dict[str, int]:
+        """The hidden state's entries by their names, each with how many numbers it has."""
+        return dict.fromkeys(self.state_keys, 1)
 
     @abstractmethod
     def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
@@ -204,8 +209,12 @@ class PureEnv(EnvBase):
 
         seen = {key: _spec(*span, **real) for key, span in self.world.observations.items()}
         self.seen = [*seen]
-        self._kept = [*seen, *(key for key in self.state_keys if key not in seen)]
-        state = {key: Unbounded(**real) for key in self._kept}
+        sizes = dict.fromkeys(seen, 1) | self.state_sizes
+        self._kept = [*sizes]
+        state = {
+            key: Unbounded(**(real | {"shape": (*self.batch_size, size)}))
+            for key, size in sizes.items()
+        }
         state |= {key: Unbounded(shape, dtype=torch.int64, device=self.device) for key in WHEN}
         self.state_spec = composite(**state)
         seen |= {"chance": Bounded(0, 1, **real), "success": flag()}

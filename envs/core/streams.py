@@ -24,11 +24,13 @@ Words = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
 class Stream(IntEnum):
-    """The purposes of random words. No two streams share words; three more streams would fit."""
+    """The purposes of random words. No two streams share words; one more stream would fit."""
 
     STEP = 0
     START = 1
     CHANCE = 2
+    LAYOUT = 3
+    SENSORS = 4
 
 
 def pcg4d(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from envs.core.parameters import OutOfRange, number, one_of, whole
 from envs.core.world import Range, WorldConfig
+from envs.robot.scene import SceneConfig, steps_for
 
 
 @dataclass
@@ -80,3 +81,58 @@ class FollowOneSideConfig(FollowBallConfig):
         """The configuration of ``follow_ball``, with the ball on both sides."""
         shared = {item.name: getattr(self, item.name) for item in fields(FollowBallConfig)}
         return FollowBallConfig(**(shared | {"kind": "follow_ball"}))
+
+
+@dataclass(kw_only=True)
+class FollowObstaclesConfig(SceneConfig):
+    """A ball to be caught among obstacles."""
+
+    catch_distance_m: float = number(above=0)
+    catch_reward: float = number(above=0)
+    collision_reward: float = number(high=0)
+    miss_reward: float = number(high=0)
+
+    @property
+    def returns(self) -> Range:
+        """There is one reward, at the end."""
+        return min(self.collision_reward, self.miss_reward), self.catch_reward
+
+    @property
+    def fewest_steps(self) -> int:
+        """Neither ball nor obstacle is nearer than its way at the robot's start."""
+        ways_m = [self.way_to_obstacles_m(), self.way_to_ball_m() - self.catch_distance_m]
+        return min(self.time_limit_steps, steps_for(min(ways_m), self.stride_m))
+
+    def contradictions(self) -> Iterator[OutOfRange]:
+        """Yield what can't be, and a field without a ball."""
+        yield from super().contradictions()
+        if not any(ball.kind == "ball" for ball in self.ball_entries):
+            yield OutOfRange("balls", self.balls, "a list with at least one of the kind ball")
+
+
+@dataclass(kw_only=True)
+class WanderConfig(SceneConfig):
+    """Nothing to be caught, only to be avoided."""
+
+    step_reward: float = number(0)
+    steering_cost: float = number(0)
+    collision_reward: float = number(high=0)
+
+    measure: ClassVar = "return"
+
+    @property
+    def returns(self) -> Range:
+        """The rewards of all steps, or those before a collision."""
+        worst = min(0.0, self.step_reward - self.steering_cost) * self.time_limit_steps
+        return worst + self.collision_reward, self.step_reward * self.time_limit_steps
+
+    @property
+    def fewest_steps(self) -> int:
+        """No obstacle is nearer than its way at the robot's start."""
+        return min(self.time_limit_steps, steps_for(self.way_to_obstacles_m(), self.stride_m))
+
+    def contradictions(self) -> Iterator[OutOfRange]:
+        """Yield what can't be, and collisions that don't end a situation."""
+        yield from super().contradictions()
+        if self.robot.collision != "end":
+            yield OutOfRange("robot.collision", self.robot.collision, "end where one wanders")

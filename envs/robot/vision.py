@@ -1,9 +1,19 @@
-"""The ball's bearing as the robot sees it."""
+"""The balls as the robot's head sees them."""
 
 import math
 
 import torch
 from torch import Tensor
+
+from envs.robot.geometry import (
+    Boxes,
+    Discs,
+    Point,
+    between,
+    cuts_rectangle,
+    square_to_segment,
+    turned,
+)
 
 
 def wrap(angle_rad: Tensor) -> Tensor:
@@ -31,3 +41,86 @@ def bearing(
     """
     true_rad = wrap(direction_rad - heading_rad)
     return (true_rad + noise_rad).clamp(-field_of_view_rad, field_of_view_rad)
+
+
+def hidden(
+    eye: Point, balls: Discs, *, boxes: Boxes | None = None, discs: Discs | None = None
+) -> Tensor:
+    """Return whether something cuts the line from the eye to each ball's centre.
+
+    Args:
+        eye: ``[*batch]``.
+        balls: one in front hides another.
+        boxes, discs: the obstacles. The walls of a field are round it, and hide nothing.
+
+    Returns:
+        Bool, ``[balls, *batch]``.
+    """
+    lines = between(eye, balls.centre)
+    number = len(lines.x)
+
+    def cut(ball: int) -> Tensor:
+        line = Point(lines.x[ball], lines.y[ball])
+        met = torch.zeros_like(line.x, dtype=torch.bool)
+        for other in range(number):
+            if other != ball:
+                centre, reach_m = (
+                    Point(balls.x_m[other], balls.y_m[other]),
+                    balls.radius_m[other],
+                )
+                met = met | (square_to_segment(centre, eye, line) < reach_m * reach_m)
+        if discs is not None:
+            near = square_to_segment(discs.centre, eye, line) < discs.radius_m * discs.radius_m
+            met = met | near.any(0)
+        if boxes is not None:
+            start, way = boxes.in_frame(eye), turned(line, -boxes.heading_rad)
+            half = boxes.half_width_m, boxes.half_height_m
+            met = met | cuts_rectangle(start, way, *half).any(0)
+        return met
+
+    return torch.stack([cut(ball) for ball in range(number)])
+
+
+def in_sight(
+    bearing_rad: Tensor, distance_m: Tensor, *, field_of_view_rad: float, range_m: float
+) -> Tensor:
+    """Return whether something is within the field of view and the range (bool).
+
+    Args:
+        bearing_rad: from the heading, in [−π, π), any shape.
+        distance_m: same shape.
+        field_of_view_rad: to either side.
+        range_m: as far as the head sees.
+    """
+    return (bearing_rad.abs() <= field_of_view_rad) & (distance_m <= range_m)
+
+
+def nearest(distance_m: Tensor, allowed: Tensor, *values: Tensor) -> tuple[Tensor, ...]:
+    """The nearest of several balls, the first of them where none is allowed.
+
+    Args:
+        distance_m: ``[balls, *batch]``.
+        allowed: those among which to look (bool), same shape.
+        *values: further numbers of each ball, same shape.
+
+    Returns:
+        Whether there is one (bool), its distance, and those of the values that are its own, each
+        ``[*batch]``.
+    """
+    found, least = allowed[0], distance_m[0]
+    picked = [value[0] for value in values]
+    for ball in range(1, len(distance_m)):
+        nearer = allowed[ball] & (~found | (distance_m[ball] < least))
+        least = torch.where(nearer, distance_m[ball], least)
+        picked = [
+            torch.where(nearer, value[ball], old) for value, old in zip(values, picked, strict=True)
+        ]
+        found = found | allowed[ball]
+    return found, least, *picked
+
+
+def rounded(angle_rad: Tensor, resolution_rad: float) -> Tensor:
+    """The nearest multiple of the resolution; with 0, the angle as it is."""
+    if resolution_rad == 0:
+        return angle_rad
+    return torch.floor(angle_rad / resolution_rad + 0.5) * resolution_rad

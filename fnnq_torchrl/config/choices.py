@@ -11,5 +11,8 @@ def config_directory() -> Path:
 
 
 def choices_of(group: str) -> list[str]:
-    """Return the sorted names of a group's YAML files; an unknown group has none."""
-    return sorted(path.stem for path in (config_directory() / group).glob("*.yaml"))
+    """Return the sorted names of a group's YAML files; an unknown group has none.
+
+    Files whose names begin with an underscore are parts of others and are left out.
+    """
+    return sorted(path.stem for path in (config_directory() / group).glob("[!_]*.yaml"))

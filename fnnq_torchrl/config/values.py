@@ -13,6 +13,7 @@ from envs.core.parameters import (
     OutOfRange,
     Parameters,
     flag,
+    groups,
     matching,
     number,
     one_of,
@@ -32,6 +33,7 @@ __all__ = [
     "SCHEMAS",
     "LabelsConfig",
     "MLPConfig",
+    "SumConfig",
     "TilesConfig",
     "ValueConfig",
 ]
@@ -95,6 +97,28 @@ class LabelsConfig(ValueConfig):
 
 
 @dataclass
+class SumConfig(LabelsConfig):
+    """The same labels, with rules for each of some groups of inputs instead of for all at once."""
+
+    rules: Any = or_null(groups())
+
+    @property
+    def groups(self) -> list[list[str]]:
+        """The groups of inputs."""
+        return self.rules or [[name] for name in self.inputs]
+
+    def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
+        """Yield unknown inputs, groups of what isn't an input, and inputs without a rule."""
+        yield from super().misfits(world)
+        known = ", ".join(self.inputs)
+        named = {name for group in self.groups for name in group}
+        if named - {*self.inputs}:
+            yield OutOfRange("rules", self.rules, f"groups of the inputs: {known}")
+        if missing := [name for name in self.inputs if name not in named]:
+            yield OutOfRange("rules", self.rules, f"groups with every input, {missing[0]} too")
+
+
+@dataclass
 class TilesConfig(ValueConfig):
     """The grids of tiles over the ranges [low, high] of every input and of the action."""
 
@@ -139,6 +163,7 @@ class MLPConfig(ValueConfig):
 
 SCHEMAS: dict[str, type[ValueConfig]] = {
     "fnnq": LabelsConfig,
+    "fnnq_sum": SumConfig,
     "mlp": MLPConfig,
     "rbf": LabelsConfig,
     "table": LabelsConfig,

@@ -1,5 +1,6 @@
 """The world with Gymnasium's interface passes Gymnasium's checker and is the same world."""
 
+from dataclasses import replace
 from functools import partial
 
 import gymnasium
@@ -12,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from envs.core.parameters import OutOfRange
-from envs.gymnasium import GymWorld
+from envs.gymnasium import GymWorld, GymWorlds
 from envs.robot.follow import FollowBall
 from envs.robot.schemas import FollowBallConfig
+from fnnq_torchrl.launch import registration
 
 CANDIDATES = 21
 
@@ -152,3 +154,56 @@ def test_no_step_before_a_reset(env):
 def test_a_single_candidate_is_too_few(world):
     with pytest.raises(OutOfRange, match="candidates=1"):
         GymWorld(world, 1)
+
+
+# -- registered tasks -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", registration.TASKS)
+def test_every_task_is_registered_and_checked(name):
+    made = gymnasium.make(name, render_mode="rgb_array")
+    check_env(made.unwrapped, skip_render_check=True)
+    made.reset(seed=0)
+    picture = made.render()
+    assert picture.dtype == np.uint8
+    assert picture.shape[2] == 3
+    made.step(0)
+    assert (made.render() != picture).any()
+
+
+def test_no_other_picture_than_that_is_offered(world):
+    with pytest.raises(OutOfRange, match="render_mode=human: must be rgb_array or None"):
+        GymWorld(world, CANDIDATES, render_mode="human")
+    assert GymWorld(world, CANDIDATES).render() is None
+
+
+def test_the_members_of_a_vector_are_the_single_worlds(world):
+    """Each with its own seed, over the end of several situations."""
+    short = replace(world, circle_radius_m=0.4, time_limit_steps=12)
+    many = GymWorlds(3, short, CANDIDATES)
+    single = [GymWorld(short, CANDIDATES) for _ in range(3)]
+    seen, _ = many.reset(seed=5)
+    assert len({*seen[:, 0].tolist()}) == 3
+    for member, env in enumerate(single):
+        assert env.reset(seed=5 + member)[0] == seen[member]
+    over = [False] * 3
+    choose = np.random.default_rng(0)
+    for _ in range(40):
+        actions = choose.integers(CANDIDATES, size=3)
+        seen, rewards, ends, cuts, info = many.step(actions)
+        for member, env in enumerate(single):
+            if over[member]:
+                wanted = (env.reset()[0], 0.0, False, False, {"is_success": False})
+            else:
+                wanted = env.step(actions[member])
+            over[member] = wanted[2]
+            assert wanted[0] == pytest.approx(seen[member], abs=1e-6)
+            assert wanted[1:4] == (rewards[member], ends[member], cuts[member])
+            assert wanted[4]["is_success"] == info["is_success"][member]
+
+
+def test_gymnasium_makes_vectors_too():
+    many = gymnasium.make_vec("fnnq/Follow-v0", num_envs=4)
+    seen, _ = many.reset(seed=1)
+    assert seen.shape == (4, 1)
+    assert isinstance(many.unwrapped, GymWorlds)

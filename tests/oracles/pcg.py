@@ -22,5 +22,8 @@ def pcg4d(words: Words) -> Words:
 def draw(seed: int, episode: int, step: int, stream: int) -> Words:
     """Return the block of random words of a run at a step of an episode, for one stream."""
     upper = seed // 2**32 + 2**31 * (episode // 2**32)
-    counter = 2**31 + step if stream == CHANCE else 2 * step + stream
+    quarter = 2**29
+    counter = 4 * quarter + (stream - CHANCE) * quarter + step
+    if stream < CHANCE:
+        counter = 2 * step + stream
     return pcg4d((seed % 2**32, upper, episode % 2**32, counter))

@@ -9,11 +9,13 @@ from .base import ValueNetwork
 from .fnnq import FNNQValue
 from .mlp import MLPValue
 from .rbf import RBFValue
+from .sums import FNNQSumValue
 from .table import TableValue
 from .tiles import TilesValue
 
 __all__ = [
     "NETWORKS",
+    "FNNQSumValue",
     "FNNQValue",
     "MLPValue",
     "RBFValue",
@@ -25,6 +27,7 @@ __all__ = [
 
 NETWORKS: dict[str, type[ValueNetwork]] = {
     "fnnq": FNNQValue,
+    "fnnq_sum": FNNQSumValue,
     "mlp": MLPValue,
     "rbf": RBFValue,
     "table": TableValue,

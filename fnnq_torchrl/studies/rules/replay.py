@@ -101,7 +101,7 @@ def replay(job: Job, seeds: Tensor, weights: Tensor, choice: Callable[[Tensor], 
     config, world = job.config, job.config.env.tested
     runs, tests = len(seeds), config.evaluation.tests
     lanes, like = runs * tests, job.candidates
-    env = make_world(world, [lanes], dtype=like.dtype)
+    env = make_world(world, [lanes], seed=0, dtype=like.dtype)
     evaluation = config.situations // config.evaluation.every
     number = torch.arange(tests).repeat(runs)
     fixed = config.evaluation.fixed

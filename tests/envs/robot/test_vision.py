@@ -6,15 +6,13 @@ import pytest
 import torch
 from hypothesis import example, given
 from hypothesis import strategies as st
-from torch import Tensor
 
 from envs.robot import vision
+from envs.robot.geometry import Discs
+from tests.envs.robot.scenes import BOXES, DISCS, PLACE, boxes, discs, point, real
+from tests.oracles import rays
 
 angle = st.floats(-50, 50)
-
-
-def real(number: float) -> Tensor:
-    return torch.tensor(number, dtype=torch.float64)
 
 
 def bearing(
@@ -112,3 +110,57 @@ def test_precision_and_shape_are_kept(dtype):
     seen = vision.bearing(*torch.ones(3, 2, 3, 1, dtype=dtype), 1.0)
     assert seen.dtype == dtype
     assert seen.shape == (2, 3, 1)
+
+
+# -- what hides a ball ----------------------------------------------------------------------------
+
+
+@given(PLACE, PLACE, DISCS, BOXES)
+def test_a_ball_is_hidden_where_a_ray_to_it_meets_something(eye, spot, round_ones, square_ones):
+    ball = Discs(real(spot[0])[None], real(spot[1])[None], real(0.1)[None])
+    (hidden,) = vision.hidden(
+        point(eye), ball, boxes=boxes(square_ones), discs=discs(round_ones)
+    ).tolist()
+    wider, narrower = (
+        rays.blocked(
+            eye,
+            spot,
+            [disc._replace(radius=disc.radius + grown) for disc in round_ones],
+            [
+                box._replace(width=box.width + grown, height=box.height + grown)
+                for box in square_ones
+            ],
+        )
+        for grown in (1e-6, -1e-6)
+    )
+    assert narrower <= hidden <= wider
+
+
+def test_a_ball_hides_the_one_behind_it():
+    balls = Discs(real([1, 2, 2]), real([0, 0.05, 0.5]), real([0.1, 0.1, 0.1]))
+    assert vision.hidden(point((0, 0)), balls).tolist() == [False, True, False]
+
+
+def test_what_is_in_sight():
+    angle, distance = real([0.9, 1.1, -0.9, 0]), real([1, 1, 3, 3.1])
+    seen = vision.in_sight(angle, distance, field_of_view_rad=1.0, range_m=3.0)
+    assert seen.tolist() == [True, False, True, False]
+
+
+def test_the_nearest_of_those_that_are_allowed():
+    distance, name = real([[3.0], [1.0], [2.0]]), real([[0.0], [1.0], [2.0]])
+    for allowed, picked in (
+        ([True, True, True], [1, 1]),
+        ([True, False, True], [2, 1]),
+        ([True, False, False], [0, 1]),
+        ([False, False, False], [0, 0]),
+    ):
+        found, least, which = vision.nearest(distance, torch.tensor(allowed)[:, None], name)
+        assert [which.item(), found.item()] == picked
+        assert least == distance[int(which)]
+
+
+def test_the_resolution_rounds_to_the_nearest_multiple():
+    angles = real([0.11, 0.14, -0.11, -0.16])
+    assert vision.rounded(angles, 0.1).tolist() == pytest.approx([0.1, 0.1, -0.1, -0.2])
+    assert vision.rounded(angles, 0) is angles

@@ -1,0 +1,46 @@
+"""Pictures of the robot's worlds as an entry of the TensorDict, for TorchRL's video recorder."""
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+from torchrl.data import Bounded, TensorSpec
+from torchrl.envs import Transform
+
+from envs.robot.drawing import Canvas, shot_of
+
+
+class Pixels(Transform):
+    """Adds ``pixels``, each run from above: uint8 ``[*batch_size, height, width, 3]``.
+
+    ``TransformedEnv(env, Pixels())``, and after it ``VideoRecorder(logger, tag)``, which takes that
+    entry. Each picture takes some hundredths of a second.
+
+    Args:
+        size_px: the width.
+    """
+
+    def __init__(self, size_px: int = 240) -> None:
+        super().__init__(in_keys=[], out_keys=["pixels"])
+        self._canvas = Canvas(size_px=size_px)
+        self._shape: tuple[int, ...] | None = None
+
+    def _call(self, next_tensordict: TensorDictBase) -> TensorDictBase:
+        runs = next_tensordict.batch_size
+        pictures = [self._draw(next_tensordict, run) for run in range(runs.numel())]
+        return next_tensordict.set("pixels", torch.stack(pictures).view(*runs, *pictures[0].shape))
+
+    def _reset(
+        self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase
+    ) -> TensorDictBase:
+        return self._call(tensordict_reset)
+
+    def _draw(self, state: TensorDictBase, run: int) -> Tensor:
+        return torch.from_numpy(self._canvas.draw([[shot_of(self.parent.base_env, state, run)]]))
+
+    def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
+        """Add the picture's spec; its height is known from one that is drawn."""
+        env = self.parent.base_env
+        shape = (*env.batch_size, *self._draw(env.fake_tensordict(), 0).shape)
+        spec = Bounded(0, 255, shape, dtype=torch.uint8, device=observation_spec.device)
+        observation_spec.set("pixels", spec)
+        return observation_spec

@@ -1,0 +1,103 @@
+"""A ring of sonars: each reads the distance to the nearest point in its beam."""
+
+from math import inf
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from envs.robot.geometry import Boxes, Discs, Point, Sector, Walls, between, encloses, rotated
+
+
+class Ring(NamedTuple):
+    """Where the sonars are on the robot, each entry ``[sensors]``.
+
+    Attributes:
+        x_m, y_m: from the robot's centre, forward and to the left.
+        heading_rad: from the robot's heading, anticlockwise.
+    """
+
+    x_m: Tensor
+    y_m: Tensor
+    heading_rad: Tensor
+
+
+def distances(
+    robot: Point,
+    heading_rad: Tensor,
+    ring: Ring,
+    sector: Sector,
+    *,
+    walls: Walls | None = None,
+    boxes: Boxes | None = None,
+    discs: Discs | None = None,
+) -> Tensor:
+    """The exact distance from each sonar to the nearest point of anything in its beam, in metres.
+
+    Args:
+        robot, heading_rad: the robot's pose, ``[*batch]``.
+        ring: the sonars.
+        sector: the beam of each.
+        walls: of the field, if it has any.
+        boxes, discs: what else echoes.
+
+    Returns:
+        ``[sensors, *batch]``: 0 inside an object, infinite where nothing is in the beam.
+    """
+    x_m, y_m, turn_rad = (values.view(-1, *[1] * robot.x.ndim) for values in ring)
+    out = rotated(Point(x_m, y_m), torch.cos(heading_rad), torch.sin(heading_rad))
+    place = Point(robot.x + out.x, robot.y + out.y)
+    ahead_rad = heading_rad + turn_rad
+    cosine, sine = torch.cos(ahead_rad), torch.sin(ahead_rad)
+
+    def seen(points: Point) -> Point:
+        """Points ``[*objects, *batch]`` from each sonar: ``[sensors, *objects, *batch]``."""
+        shape = (len(x_m), *[1] * (points.x.ndim - robot.x.ndim), *robot.x.shape)
+        here = Point(*(values.view(shape) for values in place))
+        return rotated(between(here, points), cosine.view(shape), -sine.view(shape))
+
+    nearest = torch.full_like(place.x, inf)
+    if walls is not None:
+        nearest = sector.to_walls(place, cosine, sine, walls)
+    if boxes is not None:
+        corners = seen(boxes.corners())
+        sides = sector.to_polygons(corners).amin(2)
+        nearest = torch.minimum(nearest, torch.where(encloses(corners), 0.0, sides).amin(1))
+    if discs is not None:
+        to_discs = sector.to_discs(seen(discs.centre), discs.radius_m)
+        nearest = torch.minimum(nearest, to_discs.amin(1))
+    return nearest
+
+
+def readings(
+    distance_m: Tensor,
+    normals: Tensor | None,
+    dropped: Tensor | None,
+    *,
+    noise_m: float,
+    noise_share: float,
+    range_m: tuple[float, float],
+) -> Tensor:
+    """What sonars report of these distances: not exactly, not always, and only so far.
+
+    The error is normal, of the standard deviation σ = noise_m + noise_share · distance. What is
+    farther than the range, or dropped, gives no echo, which reads as the end of the range.
+
+    Args:
+        distance_m: any shape, infinite where there is nothing.
+        normals: of the standard normal distribution, same shape; None without noise.
+        dropped: echoes that are lost (bool), same shape; None if none is.
+        noise_m, noise_share: see above.
+        range_m: the least and the greatest reading.
+
+    Returns:
+        Metres, of that shape, within the range.
+    """
+    low_m, high_m = range_m
+    echo = distance_m <= high_m
+    if dropped is not None:
+        echo = echo & ~dropped
+    reading_m = distance_m
+    if normals is not None:
+        reading_m = distance_m + (noise_m + noise_share * distance_m) * normals
+    return torch.where(echo, reading_m.clamp(low_m, high_m), high_m)

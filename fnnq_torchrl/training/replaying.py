@@ -1,0 +1,96 @@
+"""What a learned controller would have done, row by row of recorded sensor readings."""
+
+import csv
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+from typing import TextIO
+
+import torch
+
+from envs.robot.kinematics import wheel_speeds
+from envs.robot.scene import SceneConfig
+from envs.robot.schemas import FollowBallConfig
+from fnnq_torchrl.agent.values import ValueNetwork
+from fnnq_torchrl.config.schema import Config, ConfigError
+
+Rows = list[dict[str, str]]
+"""A log: each row by the names of its columns, as it stands in the file."""
+
+
+def read_log(path: Path, names: Sequence[str]) -> Rows:
+    """Read a CSV file with a header.
+
+    Args:
+        path: the file.
+        names: the columns that it must have; it may have others.
+
+    Raises:
+        ConfigError: a column is missing or a reading is no finite number; says where.
+        OSError: the file can't be read.
+    """
+    with open(path, newline="", encoding="utf-8") as file:
+        reader = csv.DictReader(file)
+        columns = reader.fieldnames or []
+        if missing := [name for name in names if name not in columns]:
+            raise ConfigError(
+                f"{path}: there is no column {missing[0]}; the controller wants {', '.join(names)}"
+            )
+        rows = [*reader]
+    if not rows:
+        raise ConfigError(f"{path}: there is no row")
+    for number, row in enumerate(rows, start=2):
+        for name in names:
+            try:
+                fine = isfinite(float(row[name]))
+            except (TypeError, ValueError):
+                fine = False
+            if not fine:
+                raise ConfigError(f"{path}: line {number}: {name}={row[name]}: must be a number")
+    return rows
+
+
+@torch.no_grad()
+def greedy_actions(network: ValueNetwork, rows: Rows) -> list[float]:
+    """Return the best candidate in each row, the first of several.
+
+    Args:
+        network: of a single run.
+        rows: with a column for each of its inputs.
+    """
+    like = network.candidates
+    seen = [
+        like.new_tensor([float(row[name]) for row in rows]).view(1, -1, 1)
+        for name in network.in_keys
+    ]
+    best = network(*seen).argmax(-1)
+    actions: list[float] = like[best].flatten().tolist()
+    return actions
+
+
+def write_actions(file: TextIO, config: Config, rows: Rows, actions: Sequence[float]) -> None:
+    """Write the log again, with what the controller does in each row.
+
+    Args:
+        file: where.
+        config: the job's. Of the robot's worlds there are the wheels' speeds in m/s, too.
+        rows: the log.
+        actions: one a row.
+    """
+    named = [{"action": action} | _wheels(config, action) for action in actions]
+    writer = csv.DictWriter(file, [*rows[0], *named[0]], extrasaction="ignore")
+    writer.writeheader()
+    writer.writerows(row | told for row, told in zip(rows, named, strict=True))
+
+
+def _wheels(config: Config, action: float) -> dict[str, float]:
+    """Return both wheels' speeds, if the world's robot has wheels."""
+    world = config.env
+    if isinstance(world, SceneConfig):
+        speed_mps = world.robot.speed_mps
+    elif isinstance(world, FollowBallConfig):
+        speed_mps = world.speed_mps
+    else:
+        return {}
+    speeds = wheel_speeds(torch.tensor(action, dtype=torch.float64), speed_mps)
+    return dict(zip(("left_mps", "right_mps"), map(float, speeds), strict=True))

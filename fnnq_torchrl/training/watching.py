@@ -1,0 +1,159 @@
+"""A finished job's test, played again to be looked at: the same situations, step by step."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+from PIL import Image
+from tensordict import TensorDict
+
+from envs.core.pure import PureEnv
+from envs.robot.drawing import Canvas, Shot, shot_of
+from fnnq_torchrl.agent.candidates import make_candidates
+from fnnq_torchrl.agent.values import make_value_network
+from fnnq_torchrl.config.schema import Config, ConfigError
+from fnnq_torchrl.files.atomic import atomic_write
+from fnnq_torchrl.training.evaluation import FIRST_EPISODE, GreedyTest
+from fnnq_torchrl.training.weights import Checkpoint
+
+Film = list[Shot]
+"""The shots of a situation, one a step, the last of them its end."""
+
+FRAME_S = 0.1
+"""As long as a frame is shown, in s."""
+
+
+@torch.no_grad()
+def play(
+    config: Config, checkpoint: Checkpoint, seeds: Sequence[int], situations: int, *, learned: bool
+) -> list[list[Film]]:
+    """Play the first situations of the last test that a job's runs had, or of the first one.
+
+    They are those of evaluations.csv, random numbers and all.
+
+    Args:
+        config: the job's.
+        checkpoint: what it has learned.
+        seeds: of the runs to be played.
+        situations: how many of the test's, from the first.
+        learned: with what they have learned at the end, or as they began.
+
+    Returns:
+        For each seed, the films of its situations.
+
+    Raises:
+        ConfigError: there is no such run, or its world has no picture.
+    """
+    known = checkpoint.seed.tolist()
+    if missing := [seed for seed in seeds if seed not in known]:
+        raise ConfigError(f"seed={missing[0]}: must be a run of the job, {known[0]} to {known[-1]}")
+    dtype = getattr(torch, config.machine.dtype)
+    lanes = len(seeds) * situations
+    network = make_value_network(config.value, make_candidates(config, dtype), lanes)
+    rows = [known.index(seed) for seed in seeds for _ in range(situations)]
+    seed = checkpoint.seed[rows].unsqueeze(-1)
+    weights = network.start(seed)
+    if learned:
+        weights = {name: checkpoint.weights[name][rows] for name in weights}
+    fixed = config.evaluation.fixed
+    test = GreedyTest(
+        config.env.tested,
+        network,
+        config.evaluation.tests if fixed is None else torch.tensor(fixed, dtype=dtype),
+    )
+    env = test.make_env(lanes)
+    situation = torch.arange(situations).repeat(len(seeds))
+    evaluation = config.situations // config.evaluation.every if learned else 0
+    episode = FIRST_EPISODE + evaluation * test.tests + situation
+    world = env.start(seed, episode.unsqueeze(-1), test.starts(situation))
+    films = _films(env, test, world, weights)
+    return [films[i : i + situations] for i in range(0, lanes, situations)]
+
+
+def _films(
+    env: PureEnv, test: GreedyTest, world: TensorDict, weights: dict[str, torch.Tensor]
+) -> list[Film]:
+    """Play until every situation is over."""
+    never = torch.zeros_like(world["chance"])
+    no = torch.zeros_like(never, dtype=torch.bool)
+    stays = TensorDict({"weights": weights, "epsilon": never}, world.batch_size)
+    counts = {"over": no, "success": no, "return": never, "length": never.to(torch.int32)}
+    state = TensorDict({"world": world} | counts, world.batch_size)
+    step = test.make_step(len(world))
+    films = [[shot_of(env, world, lane)] for lane in range(len(world))]
+    while not state["over"].all():
+        before, state = state, step(stays, state)
+        for lane in (~before["over"]).squeeze(-1).nonzero().flatten().tolist():
+            films[lane].append(
+                shot_of(
+                    env,
+                    state["world"]
+                    .clone()
+                    .update(
+                        {
+                            "reward": state["return"] - before["return"],
+                            "done": state["over"],
+                            "success": state["success"],
+                        }
+                    ),
+                    lane,
+                )
+            )
+    return films
+
+
+def write_gif(
+    films: Sequence[Film],
+    titles: Sequence[str],
+    path: Path,
+    *,
+    size_px: int,
+    every: int,
+    columns: int | None = None,
+) -> None:
+    """Write a moving picture of situations side by side, atomically.
+
+    Args:
+        films: one a panel; those that end sooner stay at their end.
+        titles: of the panels.
+        path: the file to write.
+        size_px: width of a panel.
+        every: steps from one frame to the next.
+        columns: panels side by side; about as many as rows by default.
+    """
+    canvas = Canvas(len(films), size_px, titles, columns)
+    last = max(map(len, films)) - 1
+    moments = [*range(0, last, every), last]
+    frames = [
+        Image.fromarray(canvas.draw([film[: moment + 1] for film in films])) for moment in moments
+    ]
+    # The colours of the last frame, which has all there are, for every one: less flicker and bytes.
+    palette = frames[-1].quantize(
+        _COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
+    )
+    frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    durations_ms = [round(1000 * FRAME_S)] * (len(frames) - 1) + [_PAUSE_MS]
+    with atomic_write(path) as file:
+        first, *others = frames
+        first.save(file, "GIF", save_all=True, append_images=others, duration=durations_ms, loop=0)
+
+
+def write_strip(film: Film, title: str, path: Path, *, size_px: int, stills: int = 5) -> None:
+    """Write stills of one situation side by side, from its start to its end, atomically.
+
+    Args:
+        film: its shots.
+        title: of the first still.
+        path: the PNG to write.
+        size_px: width of a still.
+        stills: how many.
+    """
+    canvas = Canvas(stills, size_px, [title] + [" "] * (stills - 1), columns=stills)
+    moments = [round(number * (len(film) - 1) / (stills - 1)) for number in range(stills)]
+    image = Image.fromarray(canvas.draw([film[: moment + 1] for moment in moments]))
+    with atomic_write(path) as file:
+        image.save(file, "PNG")
+
+
+_COLOURS = 64
+_PAUSE_MS = 1500  # at the end

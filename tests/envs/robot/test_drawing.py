@@ -1,0 +1,76 @@
+"""The picture from above: each thing is where it is, in its colour."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from torchrl.envs import TransformedEnv, check_env_specs
+
+from envs.robot import drawing
+from envs.robot.drawing import Canvas, Shot, shot_of
+from envs.robot.pixels import Pixels
+from envs.worlds import make_world
+from fnnq_torchrl.launch.composition import load_config
+
+SHOT = Shot(
+    half_size_m=(3.0, 3.0),
+    walls=True,
+    pose=(0.0, 0.0, 0.0),
+    radius_m=0.3,
+    track_width_m=0.3,
+    balls=[],
+)
+
+
+def painted(shot: Shot, colour: str) -> tuple[float, float]:
+    """The middle of all that has a colour, in metres."""
+    image = Canvas(size_px=300).draw([[shot]])[-300:]  # without the words above
+    rows, columns = np.nonzero(np.abs(image / 255 - to_rgb(colour)).max(-1) < 0.02)
+    assert len(rows), "nothing has that colour"
+    return (columns.mean() - 150) * 6.09 / 300, (150 - rows.mean()) * 6.09 / 300
+
+
+@pytest.mark.parametrize(("x", "y"), [(2.0, 1.0), (-2.0, -1.5)])
+def test_things_are_where_they_are(x, y):
+    ball = replace(SHOT, balls=[(x, y, 0.3, "ball")])
+    assert painted(ball, drawing.BALL) == pytest.approx((x, y), abs=0.1)
+    disc = replace(SHOT, discs=[(x, y, 0.4)])
+    assert painted(disc, drawing.OBSTACLE) == pytest.approx((x, y), abs=0.1)
+    box = [(x - 0.5, y - 0.2), (x + 0.5, y - 0.2), (x + 0.5, y + 0.2), (x - 0.5, y + 0.2)]
+    assert painted(replace(SHOT, boxes=[box]), drawing.OBSTACLE) == pytest.approx((x, y), abs=0.1)
+    wheels = replace(SHOT, pose=(x, y, 0.4))
+    assert painted(wheels, "0.2") == pytest.approx((x, y), abs=0.1)
+
+
+def test_an_end_has_its_colour():
+    painted(replace(SHOT, ended=True, success=True), drawing.GOOD)
+    painted(replace(SHOT, ended=True), drawing.BAD)
+
+
+@pytest.mark.parametrize("task", ["follow", "follow_obstacles", "wander"])
+def test_every_world_of_the_robot_has_a_picture(task):
+    env = make_world(load_config(f"task={task}").env, [2])
+    state = env.step(env.rand_action(env.reset()))["next"]
+    shot = shot_of(env, state, 1)
+    assert shot.step == 1
+    assert shot.pose[0] == state["x_m"][1].item()
+    assert len(shot.beams) == (0 if task == "follow" else 8)
+    assert len(shot.discs) == (0 if task == "follow" else 3)
+    image = Canvas(2, 120, ["one", "other"]).draw([[shot], [shot, shot]])
+    assert image.dtype == np.uint8
+    assert image.shape[1:] == (240, 3)
+
+
+def test_the_same_state_has_the_same_picture():
+    env = make_world(load_config("task=wander").env, [1])
+    shot = shot_of(env, env.reset())
+    assert np.array_equal(Canvas(1, 100).draw([[shot]]), Canvas(1, 100).draw([[shot]]))
+
+
+def test_torchrl_gets_pixels():
+    env = TransformedEnv(make_world(load_config("task=wander").env, [2]), Pixels(60))
+    check_env_specs(env)
+    pixels = env.rollout(2)["next", "pixels"]
+    assert pixels.shape[:2] == (2, 2)
+    assert (pixels[0] != pixels[1]).any()

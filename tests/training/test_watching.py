@@ -1,0 +1,81 @@
+"""A test played again to be looked at is the test that was counted."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from fnnq_torchrl.config.checking import to_config
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.job import run_job
+from fnnq_torchrl.training.results import read_evaluations
+from fnnq_torchrl.training.watching import play
+from fnnq_torchrl.training.weights import load_checkpoint
+from fnnq_torchrl.watch import main
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short job of two runs."""
+    directory = tmp_path_factory.mktemp("job")
+    run_job(load_config("situations=10", "num_seeds=2", "env.time_limit_steps=60"), directory)
+    return directory
+
+
+@pytest.mark.parametrize("learned", [False, True])
+def test_the_films_are_what_was_counted(job: Path, learned: bool) -> None:
+    checkpoint = load_checkpoint(job / "checkpoint.pt")
+    films = play(to_config(checkpoint.config), checkpoint, [0, 1], 5, learned=learned)
+    evaluations = read_evaluations(job / "evaluations.csv")
+    at = -1 if learned else 0
+    for run in range(2):
+        ends = [film[-1] for film in films[run]]
+        assert all(end.ended for end in ends)
+        assert sum(end.success for end in ends) == evaluations.catches[run, at]
+        lengths = [len(film) - 1 for film in films[run]]
+        assert sum(lengths) / 5 == pytest.approx(evaluations.lengths[run, at])
+        returns = [sum(shot.reward for shot in film) for film in films[run]]
+        assert sum(returns) / 5 == pytest.approx(evaluations.returns[run, at])
+
+
+def test_the_command_leaves_a_moving_picture_and_stills(
+    job: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [f"run={job}", "seed=1", "every=20", "size=100", "when=both"]
+    monkeypatch.setattr(sys, "argv", ["watch", *words])
+    main()
+    assert capsys.readouterr().out.split() == [str(job / "robot.gif"), str(job / "robot.png")]
+    with Image.open(job / "robot.gif") as film:
+        assert 3 <= film.n_frames <= 4
+        assert film.width == 200
+    with Image.open(job / "robot.png") as stills:
+        assert stills.width == 500
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ((), "run=… is missing"),
+        (("run=nowhere",), "nowhere"),
+        (("run=x", "seeds=1"), "seeds=1: did you mean seed=…?"),
+        (("run=x", "when=now"), "when=now: must be after or before or both"),
+        (("run=x", "every=0"), "every=0: must be a whole number >= 1"),
+        (("run=JOB", "seed=7"), "seed=7: must be a run of the job, 0 to 1"),
+        (("run=JOB", "situations=9"), "situations=9: must be at most 5, the test's"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(
+    job: Path,
+    words: tuple[str, ...],
+    line: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["watch", *(w.replace("JOB", str(job)) for w in words)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert line in told
