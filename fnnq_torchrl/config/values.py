@@ -75,7 +75,7 @@ class LabelsConfig(ValueConfig):
     inputs: dict[str, list[Any]] = pairs("centre", "width", above=0)
     action: list[Any] = pairs("centre", "width", above=0)
     width: str = one_of("sigma", "variance")
-    names: dict[str, list[str]] = words(default_factory=dict)  # older jobs have none
+    names: dict[str, list[str]] = words(default_factory=dict, kw_only=True)  # older jobs have none
 
     of_each_input: ClassVar = "labels"
 
