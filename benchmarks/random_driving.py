@@ -30,7 +30,9 @@ def main() -> None:
             state = env.restart(env.step(env.rand_action(state))["next"])
             check_state(env, state)
     took_s = time.perf_counter() - began
-    print(f"{rounds * arguments.worlds:,} steps in {arguments.worlds:,} worlds, {took_s:.0f} s: fine")
+    print(
+        f"{rounds * arguments.worlds:,} steps in {arguments.worlds:,} worlds, {took_s:.0f} s: fine"
+    )
 
 
 if __name__ == "__main__":
