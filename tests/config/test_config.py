@@ -128,6 +128,9 @@ def test_overrides_reach_their_keys():
 def test_every_key_has_a_type_and_a_range(env, value, key):
     config = load_config(*with_task(f"env={env}"), f"value={value}", EVERY_LOGGER)
     values = OmegaConf.create(asdict(config))
+    group = key.rpartition(".")[0]
+    if group and OmegaConf.select(values, group) is None:
+        pytest.skip("the world leaves that group out")
     OmegaConf.update(values, key, NONSENSE)
     with pytest.raises(ConfigError) as refused:
         to_config(values)
