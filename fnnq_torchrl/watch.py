@@ -75,8 +75,8 @@ def watch(given: dict[str, str]) -> list[Path]:
         for seed, of_seed in zip(seeds, played, strict=True):
             for number, film in enumerate(of_seed):
                 films.append(film)
-                moment = "after" if learned else "before"
-                titles.append(f"{moment} learning, run {seed}, test {number}")
+                of_run = f"run {seed}, " if len(seeds) > 1 else ""
+                titles.append(f"{'after' if learned else 'before'} learning, {of_run}test {number}")
     to = Path(given["to"] or directory / "robot.gif")
     # Before learning above, after it below.
     columns = len(films) // 2 if given["when"] == "both" else None

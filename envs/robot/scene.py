@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, pairwise
 from math import cos, floor, hypot, inf, pi, sin
-from typing import Any
+from typing import Any, ClassVar
 
 from envs.core.parameters import (
     OutOfRange,
@@ -236,7 +236,7 @@ class SensorsConfig(Parameters):
 
 @dataclass(kw_only=True)
 class SceneConfig(WorldConfig):
-    """A field with a robot, obstacles and balls: the part that all tasks in it have."""
+    """A field with a robot, obstacles and balls, which all tasks with sonars share."""
 
     time_step_s: float = number(above=0)
     field_size_m: list[float] | None = or_null(point("width", "height", above=0))
@@ -246,6 +246,8 @@ class SceneConfig(WorldConfig):
     obstacles: list[Any] = mappings()
     balls: list[Any] = mappings()
     sensors: SensorsConfig
+
+    action_name: ClassVar = "steer"  # Δv: 1 turns right
 
     @cached_property
     def obstacle_entries(self) -> list[ObstacleConfig]:

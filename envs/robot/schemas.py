@@ -85,26 +85,28 @@ class FollowOneSideConfig(FollowBallConfig):
 
 @dataclass(kw_only=True)
 class FollowObstaclesConfig(SceneConfig):
-    """A ball to be caught among obstacles."""
+    """The parameters of ``follow_obstacles``, in which the robot catches a ball among obstacles."""
 
     catch_distance_m: float = number(above=0)
     catch_reward: float = number(above=0)
     collision_reward: float = number(high=0)
     miss_reward: float = number(high=0)
 
+    successes: ClassVar = "catches"
+
     @property
     def returns(self) -> Range:
-        """There is one reward, at the end."""
+        """The lowest and the highest return; the only reward comes at the end."""
         return min(self.collision_reward, self.miss_reward), self.catch_reward
 
     @property
     def fewest_steps(self) -> int:
-        """Neither ball nor obstacle is nearer than its way at the robot's start."""
+        """The least number of steps to the nearest obstacle or ball."""
         ways_m = [self.way_to_obstacles_m(), self.way_to_ball_m() - self.catch_distance_m]
         return min(self.time_limit_steps, steps_for(min(ways_m), self.stride_m))
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """Yield what can't be, and a field without a ball."""
+        """Yield the contradictions of the scene, and an error if no ball is of the kind ball."""
         yield from super().contradictions()
         if not any(ball.kind == "ball" for ball in self.ball_entries):
             yield OutOfRange("balls", self.balls, "a list with at least one of the kind ball")
@@ -112,7 +114,7 @@ class FollowObstaclesConfig(SceneConfig):
 
 @dataclass(kw_only=True)
 class WanderConfig(SceneConfig):
-    """Nothing to be caught, only to be avoided."""
+    """The parameters of ``wander``, in which the robot avoids obstacles; there is no ball."""
 
     step_reward: float = number(0)
     steering_cost: float = number(0)
@@ -122,7 +124,7 @@ class WanderConfig(SceneConfig):
 
     @property
     def returns(self) -> Range:
-        """The rewards of all steps, or those before a collision."""
+        """The lowest and the highest return: of all steps, or of those before a collision."""
         worst = min(0.0, self.step_reward - self.steering_cost) * self.time_limit_steps
         return worst + self.collision_reward, self.step_reward * self.time_limit_steps
 

@@ -116,9 +116,11 @@ def test_a_task_replaces_all_that_it_chooses(earlier: Config) -> None:
 
 def test_a_sweep_from_it(earlier: Config, trained: list[Config]) -> None:
     assert fnnq_train("from=earlier", "lam=0,0.5", "value=mlp,table", "-m") == 0
-    default, table = load_config("value=mlp").value, load_config("value=table").value
+    chosen = [load_config("value=mlp"), load_config("value=table")]
     assert trained == [
-        replace(earlier, lam=lam, value=value) for value in (default, table) for lam in (0.0, 0.5)
+        replace(earlier, lam=lam, value=config.value, alpha=config.alpha)
+        for config in chosen
+        for lam in (0.0, 0.5)
     ]
 
 

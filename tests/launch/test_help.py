@@ -33,10 +33,10 @@ def test_every_key_of_the_learner_and_the_runs_is_there_with_its_default(page: s
 @pytest.mark.parametrize(
     "words",
     [
-        "λ, decay of the trace, in [0, 1].",  # after the key
-        "boltzmann: a candidate with probability",  # above the key
+        "λ in [0, 1]; a step decays the trace by γλ.",  # after the key
+        "boltzmann: a candidate with",  # above the key
         "seconds from one save to the next",
-        "value=                     fnnq, mlp, rbf, table, tiles",
+        "value=                     fnnq, fnnq_sum, mlp, rbf, table, tiles",
         "+experiment=               adaptive, decay",
     ],
 )
