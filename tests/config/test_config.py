@@ -234,7 +234,8 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ("lam=[", "lam=[: can't be read as key=value"),
         (
             "speed_mps=1",
-            "speed_mps=1: there is no speed_mps; did you mean env.speed_mps or env.robot.speed_mps?",
+            "speed_mps=1: there is no speed_mps; "
+            "did you mean env.speed_mps or env.robot.speed_mps?",
         ),
         ("logger=nope", "logger=nope: must be csv or mlflow or tensorboard or wandb"),
         ("logger=[csv,nope]", "logger=nope: must be csv or mlflow or tensorboard or wandb"),
