@@ -307,6 +307,27 @@ def test_any_number_of_loops_are_made_in_one_process() -> None:
         assert (run(InductorLoop(lambda lanes: countdown, *args), *args, 5)["n"] == -5).all()
 
 
+# -- subnormals ----------------------------------------------------------------------------------
+
+
+def halve(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+    return TensorDict({key: x / 2 for key, x in state.items()}, state.batch_size)
+
+
+@pytest.mark.parametrize("kind", [NativeLoop, EagerLoop, InductorLoop])
+def test_subnormals_are_zero_in_a_loop_and_what_they_were_outside(kind: MakeLoop) -> None:
+    one = torch.ones(LANES, 1)
+    state = TensorDict({"single": one, "double": one.double()}, [LANES])
+    stays = TensorDict({}, [LANES])
+    loop = kind(lambda lanes: halve, stays, state)
+    smallest, none = run(loop, stays, state, 126), run(loop, stays, state, 127)
+    assert (smallest["single"] == 2.0**-126).all()
+    assert (none["single"] == 0).all()
+    assert (none["double"] == 2.0**-127).all()
+    assert (run(loop, stays, state, 1023)["double"] == 0).all()
+    assert (one * 2.0**-126 / 2 > 0).all()  # here they are numbers, as everywhere else
+
+
 # -- the learner -----------------------------------------------------------------------------------
 
 RUNS, STEPS = 40, 50

@@ -3,9 +3,17 @@
 PRELUDE = """\
 #include <cmath>
 #include <cstdint>
+#if defined(__SSE__)
+#include <xmmintrin.h>
+#endif
 
 namespace {
-constexpr int WIDTH = $width;  // lanes of a vector
+// Vectors as wide as the machine's; where they are half as wide, compilers make two of one.
+#if defined(__AVX512F__)
+constexpr int WIDTH = 64 / sizeof($real);
+#else
+constexpr int WIDTH = 32 / sizeof($real);
+#endif
 typedef float f32 __attribute__((vector_size(4 * WIDTH)));
 typedef double f64 __attribute__((vector_size(8 * WIDTH)));
 typedef int32_t i32 __attribute__((vector_size(4 * WIDTH)));
@@ -67,6 +75,24 @@ template <class Number, class T, class Function> inline T each(T x, T y, Functio
     __builtin_memcpy(&x, out, sizeof out);
     return x;
 }
+
+// While it lives, numbers too small for all their digits are zero: processors are slow with them.
+class Flushed {
+#if defined(__SSE__)
+    const unsigned before = _mm_getcsr();
+public:
+    Flushed() { _mm_setcsr(before | 0x8040); }  // results and operands
+    ~Flushed() { _mm_setcsr(before); }
+#elif defined(__aarch64__)
+    uint64_t before;
+public:
+    Flushed() {
+        __asm__ volatile("mrs %0, fpcr" : "=r"(before));
+        __asm__ volatile("msr fpcr, %0" : : "r"(before | UINT64_C(1) << 24) : "memory");
+    }
+    ~Flushed() { __asm__ volatile("msr fpcr, %0" : : "r"(before) : "memory"); }
+#endif
+};
 }  // namespace
 """
 
@@ -83,6 +109,7 @@ extern "C" $number $function;
 RUN = """\
 // A leaf is [elements, lanes]; lanes are a multiple of WIDTH.
 extern "C" void run(int64_t lanes, int64_t steps, void* const* leaf) {
+    const Flushed flushed;
 $constants
     for (int64_t lane = 0; lane < lanes; lane += WIDTH) {
 $loads

@@ -10,9 +10,6 @@ import torch
 from .expressions import COMPARISONS, Expression, Unsupported, in_order
 from .prelude import PRELUDE, RUN, VECTORISED
 
-_VECTOR_BYTES = 32
-"""Of a vector of real numbers. Compilers make two of it where a core's are half as long."""
-
 _TYPES = {
     torch.float32: "f32",
     torch.float64: "f64",
@@ -83,7 +80,7 @@ def program(leaves: Sequence[Leaf], over: int | None = None) -> str:
 
     write = _Statements(constants, computed)
     prelude = Template(PRELUDE).substitute(
-        width=_VECTOR_BYTES // real.itemsize, mask="i64" if real is torch.float64 else "i32"
+        real=_NUMBERS[real], mask="i64" if real is torch.float64 else "i32"
     )
     vectorised = {_declaration(value) for value in computed if value.op in _VECTORISED}
     run = Template(RUN).substitute(
