@@ -400,6 +400,32 @@ def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: s
     assert not different(state[:1], learn(many, STEPS)[13:14])
 
 
+LAYERS = ("value=mlp", "value.widths=[24, 24]", "alpha=0.05", "lam=0.8")
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ("value=tiles", "alpha=0.05"),
+        (*LAYERS, "trace=gradient"),
+        (*LAYERS, "value.layer_norm=true", "step_size=obgd"),
+    ],
+    ids=["tiles", "two layers", "normalised layers"],
+)
+def test_large_networks_learn_in_loops_what_the_eager_engine_learns(overrides) -> None:
+    settings = config("machine.dtype=float64", *overrides)
+    stays = make_runs(settings, RUNS)
+    many = compile_learning(settings, in_lanes(stays))
+    state, expected = learn(many, STEPS), learn_eagerly(many, STEPS)
+    assert state["situations"].min() >= 3
+    for key in ("weights", "trace", "snapshot"):
+        for name, leaf in state[key].items(include_nested=True, leaves_only=True):
+            torch.testing.assert_close(leaf, expected[key][name], rtol=1e-9, atol=1e-11)
+    alone = in_lanes(stays[13:14])
+    one = run(many[2], alone, make_learner(settings, alone).begin(alone), STEPS)
+    assert not different(one[:1], state[13:14])
+
+
 def test_inductor_learns_what_the_eager_engine_learns() -> None:
     labels = "[[-0.5, 0.4], [0.5, 0.4]]"
     settings = config(

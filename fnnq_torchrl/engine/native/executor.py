@@ -10,7 +10,8 @@ from typing import Any
 from torch.fx import GraphModule, Interpreter, Node
 
 from . import elementwise, reductions, shapes
-from .call import Array, Call, constants
+from .arrays import Array, constants
+from .call import Call
 from .expressions import Expressions, Unsupported
 
 _OPERATIONS = elementwise.OPERATIONS | reductions.OPERATIONS | shapes.OPERATIONS
@@ -32,7 +33,7 @@ class Executor(Interpreter):
         return self._call(n) if n.op == "call_function" else super().run_node(n)
 
     def get_attr(self, target: Any, args: Any, kwargs: Any) -> Array:
-        return constants(super().get_attr(target, args, kwargs), self.make)
+        return constants(super().get_attr(target, args, kwargs), self.make, target)
 
     def _call(self, node: Node) -> Any:
         packet = getattr(node.target, "overloadpacket", node.target)
@@ -64,6 +65,6 @@ def _check(result: Any, like: Any) -> None:
         for one, like_one in zip(result, like, strict=True):
             _check(one, like_one)
     elif result.shape != tuple(like.shape) or any(
-        value.dtype is not like.dtype for value in result.flat
+        value.dtype is not like.dtype for value in result.values.flat
     ):
         raise ValueError(f"{result.shape} for {like}")

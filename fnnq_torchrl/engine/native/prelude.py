@@ -3,6 +3,7 @@
 PRELUDE = """\
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #if defined(__SSE__)
 #include <xmmintrin.h>
 #endif
@@ -49,6 +50,14 @@ template <class T> inline T none(T result, T a) {
 }
 template <class T> inline T maximum(T a, T b) { return none(a > b ? a : b, a); }
 template <class T> inline T minimum(T a, T b) { return none(a < b ? a : b, a); }
+// The same of a number and a limit that is one: a comparison that fails keeps the former.
+template <class T> inline T at_least(T a, T limit) { return limit > a ? limit : a; }
+template <class T> inline T at_most(T a, T limit) { return limit < a ? limit : a; }
+inline bool anywhere(mask which) {
+    int lanes = 0;
+    for (int l = 0; l < WIDTH; ++l) lanes |= which[l];
+    return lanes != 0;
+}
 inline bool everywhere(mask which) {
     int lanes = 0;
     for (int l = 0; l < WIDTH; ++l) lanes += which[l] != 0;
@@ -58,6 +67,12 @@ inline bool everywhere(mask which) {
 template <class T, class Number, class Index> inline T lookup(const Number* table, Index index) {
     T found;
     for (int l = 0; l < WIDTH; ++l) found[l] = table[index[l]];
+    return found;
+}
+// Of an array of vectors, in each lane the element of its own index.
+template <class T, class Index> inline T pick(const T* of, int stride, Index index) {
+    T found;
+    for (int l = 0; l < WIDTH; ++l) found[l] = of[stride * index[l]][l];
     return found;
 }
 template <class Number, class T> inline void load(T& to, const void* leaf, int64_t place) {
@@ -107,11 +122,17 @@ extern "C" $number $function;
 """That the C library has the function on vectors too, at most 4 units in the last place off."""
 
 RUN = """\
+struct Memory {  // of a vector of lanes, what is too large for the stack
+$memory
+};
+
 // A leaf is [elements, lanes]; lanes are a multiple of WIDTH.
 extern "C" void run(int64_t lanes, int64_t steps, void* const* leaf) {
     const Flushed flushed;
+    const std::unique_ptr<Memory> memory(new Memory);
 $constants
     for (int64_t lane = 0; lane < lanes; lane += WIDTH) {
+$arrays
 $loads
 $once
         for (int64_t step = 0; step < steps; ++step) {
