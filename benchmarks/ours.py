@@ -4,6 +4,7 @@ python benchmarks/ours.py num_seeds=22 situations=20     learns anew at every li
 """
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import asdict, dataclass, replace
@@ -30,11 +31,12 @@ class Learner:
     """A process that learns the same again and again, compiled once.
 
     With one of its own, a number of runs shares neither memory nor threads with another, and
-    yardsticks can take turns with it.
+    yardsticks can take turns with it. Programs are kept in the user's cache, or in the given one.
     """
 
-    def __init__(self, runs: int, situations: int) -> None:
-        self._overrides = [f"num_seeds={runs}", f"situations={situations}"]
+    def __init__(self, runs: int, situations: int, *overrides: str, cache: str = "") -> None:
+        self._overrides = [f"num_seeds={runs}", f"situations={situations}", *overrides]
+        self._environment = os.environ | ({"XDG_CACHE_HOME": cache} if cache else {})
 
     def __enter__(self) -> Self:
         self._process = subprocess.Popen(
@@ -42,6 +44,7 @@ class Learner:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
+            env=self._environment,
         )
         self._read()  # imports are over, and disturb nothing that is measured
         return self

@@ -31,6 +31,13 @@ $speed
   without compiling. More than 20,000 runs have fewer situations each, to keep the benchmark short;
   while the last runs end, lanes stand idle for a larger share of the time than with 200.
 
+## Value functions
+
+The same of $network_runs runs, each value function beside a program in C for it alone. The first
+compiling is tracing the step, writing it out and gcc's own time.
+
+$networks
+
 ## Compiling
 
 Seconds to trace the learner's step and to find its program in the cache on disk, in a new process;

@@ -17,6 +17,25 @@ JAX_PYTHON = ROOT / "benchmarks" / ".jax" / "bin" / "python"
 _C_STEPS = 15_000_000
 """Of all runs together, in each of the three times that the program takes."""
 
+
+@dataclass(frozen=True)
+class Limit:
+    """A program in C, and how to compile it."""
+
+    source: str
+    flags: tuple[str, ...] = ()
+    steps: int = _C_STEPS
+
+
+FNNQ = Limit("limit.c")
+NETWORKS = {
+    "value=fnnq": FNNQ,
+    "value=mlp value.widths=[32]": Limit("limit_mlp.c", steps=5_000_000),
+    "value=mlp value.widths=[64,64]": Limit("limit_mlp.c", ("-DLAYERS=2", "-DUNITS=64"), 400_000),
+    "value=tiles": Limit("limit_tiles.c", steps=4_000_000),
+}
+"""By what is set for ours."""
+
 _LINE = re.compile(
     r"runs=(?P<runs>\d+) (?P<rate>[\d.]+) M learning steps/s(.*first call (?P<first>[\d.]+) s)?"
 )
@@ -31,10 +50,11 @@ class Reading:
     peak_bytes: int = 0
 
 
-def build_c_limit(folder: Path, directory: Path) -> Path | None:
-    """Compile the C program into a directory; None if there is no source or no compiler for it."""
-    source, program = folder / "limit.c", directory / "limit"
-    flags = ["-Ofast", "-march=native", "-fopenmp"]
+def build_c_limit(folder: Path, directory: Path, limit: Limit = FNNQ) -> Path | None:
+    """Compile a C program into a directory; None if there is no source or no compiler for it."""
+    name = "_".join([limit.source.removesuffix(".c"), *limit.flags])
+    source, program = folder / limit.source, directory / name
+    flags = ["-Ofast", "-march=native", "-fopenmp", *limit.flags]
     try:
         run_watched(["gcc", *flags, str(source), "-o", str(program), "-lm"])
     except (OSError, subprocess.CalledProcessError) as error:
@@ -43,8 +63,8 @@ def build_c_limit(folder: Path, directory: Path) -> Path | None:
     return program
 
 
-def measure_c_limit(program: Path, runs: int) -> Reading:
-    finished = run_watched([str(program), str(runs), str(max(1, _C_STEPS // runs))])
+def measure_c_limit(program: Path, runs: int, steps: int = _C_STEPS) -> Reading:
+    finished = run_watched([str(program), str(runs), str(max(1, steps // runs))])
     return _readings(finished)[runs]
 
 

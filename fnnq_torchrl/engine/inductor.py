@@ -1,4 +1,4 @@
-"""A loop of steps compiled by TorchInductor: for GPUs, and for steps too large to write out."""
+"""A loop of steps compiled by TorchInductor: for GPUs, and for operations such as sorting."""
 
 from collections.abc import Callable
 from typing import Any

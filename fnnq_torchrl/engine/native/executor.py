@@ -1,6 +1,7 @@
 """A traced step, carried out on arrays of scalar expressions: the step is written out.
 
-Views and broadcasts are gone then, and what is computed twice is found. The operations are those of
+Views and broadcasts are gone then, and what is computed twice is found. Large dimensions stay one
+expression each, to become loops (:mod:`.arrays`). The operations are those of
 the core ATen set that a step is likely to have; composite ones come decomposed
 (:mod:`fnnq_torchrl.engine.graphs`).
 """

@@ -19,7 +19,7 @@ from .expressions import Expression, Expressions, Place, in_order
 from .source import Leaf, program
 
 _MOST = 40_000
-"""Scalar operations of two runs' steps: for more, a compiler takes minutes."""
+"""Expressions of two runs' steps, a family as one: for more, a compiler takes minutes."""
 
 
 class RunsMixed(ValueError):
@@ -29,7 +29,7 @@ class RunsMixed(ValueError):
 class NativeLoop:
     """``steps`` times ``state = step(stays, state)``, in one native loop, for any number of lanes.
 
-    The step is traced for two runs and written out, scalar by scalar; each must do the same with
+    The step is traced for two runs and written out, large tensors in loops; each must do the same with
     its own numbers and know nothing of the other. What one of them does is the program. It takes a
     vector of lanes through all their steps before it turns to the next, so that their states stay
     in registers and in the first-level cache; lanes never meet, and one computes what it would
