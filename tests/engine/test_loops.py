@@ -17,6 +17,7 @@ from fnnq_torchrl.engine.inductor import InductorLoop
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.loops import EagerLoop, Loop, MakeLoop, Running, Step
 from fnnq_torchrl.engine.native import NativeLoop, RunsMixed, Unsupported
+from fnnq_torchrl.engine.native.loop import source
 from fnnq_torchrl.engine.scheduler import work_through
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.resume.ledger import Ledger
@@ -271,6 +272,50 @@ def test_a_program_is_given_what_it_is_for(tiny: tuple[TensorDict, TensorDict]) 
         loop(stays, state.double())
     with pytest.raises(RuntimeError, match="locked"):  # the program would go on with the old one
         loop(stays, state).state["n"] = state["n"]
+
+
+def exchange(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+    """Large entries that take each other's numbers, or their own from other places."""
+    here, there, square = (state[key] for key in ("here", "there", "square"))
+    new = here + 1
+    return TensorDict(
+        {
+            "here": there.clone(),
+            "there": new,
+            "kept": torch.where((state["n"] & 1) == 0, new, state["kept"]),
+            "kept too": torch.where((state["n"] & 1) == 0, state["kept"], state["kept too"]),
+            "turned": torch.cat([state["turned"][:, 1:], here[:, :1]], -1),
+            "square": square.transpose(1, 2) - here.unsqueeze(1),
+            "picked": there.gather(1, state["n"] & 15) + square.sum((1, 2)).unsqueeze(-1),
+            "n": state["n"] + 1,
+        },
+        state.batch_size,
+    )
+
+
+def test_large_entries_are_read_before_they_are_written() -> None:
+    generator = torch.Generator().manual_seed(1)
+    names = ("here", "there", "kept", "kept too", "turned")
+    large = {name: torch.randn(LANES, 30, generator=generator).double() for name in names}
+    square = torch.randn(LANES, 30, 30, generator=generator).double()
+    n = torch.arange(LANES).unsqueeze(-1)
+    others = {"square": square, "picked": n.double(), "n": n}
+    args = TensorDict({}, [LANES]), TensorDict(large | others, [LANES])
+    native, eager = (kind(lambda lanes: exchange, *args) for kind in (NativeLoop, EagerLoop))
+    for steps in (1, 2, 3, 10):
+        assert_close(run(native, *args, steps), run(eager, *args, steps))
+
+
+def test_a_program_does_not_grow_with_the_weights() -> None:
+    def lines(units: int) -> int:
+        widths = f"value.widths=[{units}, {units}]"
+        settings = config("value=mlp", widths, "action.candidates=3")
+        stays = make_runs(settings, 2)
+        learner = make_learner(settings, stays)
+        with torch.no_grad():
+            return source(learner.step, stays, learner.begin(stays)).count("\n")
+
+    assert lines(72) == lines(96)
 
 
 # -- lanes that are over --------------------------------------------------------------------------

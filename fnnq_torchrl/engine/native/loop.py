@@ -29,9 +29,9 @@ class RunsMixed(ValueError):
 class NativeLoop:
     """``steps`` times ``state = step(stays, state)``, in one native loop, for any number of lanes.
 
-    The step is traced for two runs and written out, large tensors in loops; each must do the same with
-    its own numbers and know nothing of the other. What one of them does is the program. It takes a
-    vector of lanes through all their steps before it turns to the next, so that their states stay
+    The step is traced for two runs and written out, large tensors in loops. Each run must do the
+    same with its own numbers and know nothing of the other. What one does is the program. It takes
+    a vector of lanes through all their steps before it turns to the next, so that their states stay
     in registers and in the first-level cache; lanes never meet, and one computes what it would
     compute alone, bit for bit.
 
