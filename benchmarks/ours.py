@@ -4,6 +4,7 @@ python benchmarks/ours.py num_seeds=22 situations=20     learns once for each li
 """
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import asdict, dataclass, replace
@@ -30,11 +31,13 @@ class Learner:
     """A process that repeats the same learning, compiled once.
 
     There is one process for each number of runs, so that the measurements share neither memory nor
-    threads. Other programs can be measured between two repetitions.
+    threads. Other programs can be measured between two repetitions. Programs are kept in
+    the user's cache, or in the given one.
     """
 
-    def __init__(self, runs: int, situations: int) -> None:
-        self._overrides = [f"num_seeds={runs}", f"situations={situations}"]
+    def __init__(self, runs: int, situations: int, *overrides: str, cache: str = "") -> None:
+        self._overrides = [f"num_seeds={runs}", f"situations={situations}", *overrides]
+        self._environment = os.environ | ({"XDG_CACHE_HOME": cache} if cache else {})
 
     def __enter__(self) -> Self:
         self._process = subprocess.Popen(
@@ -42,6 +45,7 @@ class Learner:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
+            env=self._environment,
         )
         self._read()  # waits for the imports, which would slow down other measurements
         return self

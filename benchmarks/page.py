@@ -32,6 +32,13 @@ $speed
   the benchmark short. So a larger share of the time passes while the last runs end and the other
   lanes, the places of runs in the batch, are idle.
 
+## Value functions
+
+The same of $network_runs runs, each value function beside a program in C for it alone. The first
+compiling is tracing the step, writing it out and gcc's own time.
+
+$networks
+
 ## Compiling
 
 Seconds to trace the learner's step and to load its program from the cache on disk, in a new

@@ -21,6 +21,7 @@ from page import write_page
 from tables import NOT_MEASURED, in_bytes, median_of, ratio, short, spread, table
 from yardsticks import (
     JAX_PYTHON,
+    NETWORKS,
     Reading,
     build_c_limit,
     jax_version,
@@ -30,6 +31,7 @@ from yardsticks import (
 )
 
 RUNS = [22, 110, 1104, 11008, 49984]
+NETWORK_RUNS = 1104
 LARGE = 100_000
 MEMORY_RUNS = 11_008
 
@@ -78,6 +80,27 @@ def speed_table(sizes: list[Size]) -> str:
         cells = [*map(spread, rates), ratio(ours, jax), ratio(ours, c)]
         rows.append([f"{size.runs:,}", f"{size.situations:,}", *cells])
     return table(["runs", "situations", "C limit", "JAX", "ours", "ours/JAX", "ours/C"], rows)
+
+
+def network_table(repetitions: int) -> str:
+    """Return a table of the value functions beside C, and of compiling with an empty cache."""
+    rows = []
+    for overrides, limit in NETWORKS.items():
+        situations = 5 if limit.steps < 1_000_000 else 50
+        given = (NETWORK_RUNS, situations, *overrides.split(), "alpha=0.02")
+        ours, c = [], []
+        with (
+            tempfile.TemporaryDirectory() as directory,
+            Learner(*given, cache=directory) as learner,
+        ):
+            program = build_c_limit(Path(directory), limit)
+            cold = learner.learn().compile_seconds
+            for _ in range(repetitions):
+                ours.append(learner.learn().rate)
+                if program is not None:
+                    c.append(measure_c_limit(program, NETWORK_RUNS, limit.steps).rate)
+        rows.append([f"`{overrides}`", spread(c), spread(ours), ratio(ours, c), short(cold)])
+    return table(["", "C limit", "ours", "ours/C", "compiling, cold, s"], rows)
 
 
 def compile_table(sizes: list[Size]) -> str:
@@ -172,6 +195,8 @@ def main() -> None:
         "jax": jax_version(),
         "repetitions": str(given.repetitions),
         "speed": speed_table(sizes),
+        "networks": network_table(given.repetitions),
+        "network_runs": f"{NETWORK_RUNS:,}",
         "compile": compile_table(sizes),
         "memory": memory_table(sizes),
         "command": command_table(given.command_runs, given.repetitions),

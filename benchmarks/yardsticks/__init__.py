@@ -17,6 +17,25 @@ JAX_PYTHON = FOLDER.parent / ".jax" / "bin" / "python"
 _C_STEPS = 15_000_000
 """The learning steps of all runs together, in each of the C program's three measurements."""
 
+
+@dataclass(frozen=True)
+class Limit:
+    """A program in C, and how to compile it."""
+
+    source: str
+    flags: tuple[str, ...] = ()
+    steps: int = _C_STEPS
+
+
+FNNQ = Limit("limit.c")
+NETWORKS = {
+    "value=fnnq": FNNQ,
+    "value=mlp value.widths=[32]": Limit("limit_mlp.c", steps=5_000_000),
+    "value=mlp value.widths=[64,64]": Limit("limit_mlp.c", ("-DLAYERS=2", "-DUNITS=64"), 400_000),
+    "value=tiles": Limit("limit_tiles.c", steps=4_000_000),
+}
+"""The C program for each configuration of ours."""
+
 _LINE = re.compile(
     r"runs=(?P<runs>\d+) (?P<rate>[\d.]+) M learning steps/s(.*first call (?P<first>[\d.]+) s)?"
 )
@@ -31,21 +50,21 @@ class Reading:
     peak_bytes: int = 0
 
 
-def build_c_limit(directory: Path) -> Path | None:
-    """Compile the C program into a directory; if that fails, print why and return None."""
-    program = directory / "limit"
-    flags = ["-Ofast", "-march=native", "-fopenmp"]
+def build_c_limit(directory: Path, limit: Limit = FNNQ) -> Path | None:
+    """Compile a C program into a directory; if that fails, print why and return None."""
+    program = directory / "_".join([limit.source.removesuffix(".c"), *limit.flags])
+    flags = ["-Ofast", "-march=native", "-fopenmp", *limit.flags]
     try:
-        run_watched(["gcc", *flags, str(FOLDER / "limit.c"), "-o", str(program), "-lm"])
+        run_watched(["gcc", *flags, str(FOLDER / limit.source), "-o", str(program), "-lm"])
     except (OSError, subprocess.CalledProcessError) as error:
         print(f"C limit: not measured, {_reason(error)}", flush=True)
         return None
     return program
 
 
-def measure_c_limit(program: Path, runs: int) -> Reading:
-    """Measure the C program with a number of runs."""
-    finished = run_watched([str(program), str(runs), str(max(1, _C_STEPS // runs))])
+def measure_c_limit(program: Path, runs: int, steps: int = _C_STEPS) -> Reading:
+    """Measure a C program with a number of runs and of learning steps of all of them."""
+    finished = run_watched([str(program), str(runs), str(max(1, steps // runs))])
     return readings_of(finished)[runs]
 
 

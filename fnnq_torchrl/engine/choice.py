@@ -106,7 +106,7 @@ def make_engine(name: str, device: torch.device, why: str = "") -> Engine:
 
 
 def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
-    """Written out as scalars or, if the step is too large or too strange for that, by Inductor."""
+    """Written out or, if the step has an operation that can't be, compiled by Inductor."""
     try:
         return NativeLoop(make_step, stays, state)
     except RunsMixed as error:

@@ -1,4 +1,4 @@
-"""A loop of steps compiled by TorchInductor: for GPUs, and for steps too large to write out."""
+"""A loop of steps compiled by TorchInductor: for GPUs, and for operations such as sorting."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,6 +15,7 @@ from torch.fx import GraphModule, Node
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.engine.graphs import leaves, nested, trace
 from fnnq_torchrl.engine.loops import MakeStep, Running
+from fnnq_torchrl.engine.threads import subnormals_flushed
 
 _OPTIONS: dict[str, str | int | bool | Callable[..., Any]] = {
     "cpp_wrapper": True,  # the loop itself in C++, which also lets other threads go on
@@ -89,7 +90,8 @@ class _Running:
     @torch.no_grad()
     def advance(self, steps: int) -> None:
         fixed, carried = leaves(self.stays), leaves(self.state)
-        after = self._run(torch.tensor(steps), [*fixed.values()], [*carried.values()])
+        with subnormals_flushed():
+            after = self._run(torch.tensor(steps), [*fixed.values()], [*carried.values()])
         self.state = nested(dict(zip(carried, after, strict=True)), self.state)
 
 

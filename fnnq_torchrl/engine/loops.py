@@ -5,6 +5,8 @@ from typing import Protocol
 
 from tensordict import TensorDictBase
 
+from fnnq_torchrl.engine.threads import subnormals_flushed
+
 Step = Callable[[TensorDictBase, TensorDictBase], TensorDictBase]
 """From what stays and the state to the next state, all of batch size ``[lanes]``.
 
@@ -65,8 +67,9 @@ class _EagerlyRunning:
         self._step, self.stays, self.state = step, stays, state
 
     def advance(self, steps: int) -> None:
-        for _ in range(steps):
-            self.state = self._step(self.stays, self.state)
-            over = self.state.get("over", None)
-            if over is not None and over.all():
-                break
+        with subnormals_flushed():
+            for _ in range(steps):
+                self.state = self._step(self.stays, self.state)
+                over = self.state.get("over", None)
+                if over is not None and over.all():
+                    break

@@ -1,4 +1,4 @@
-"""How many threads an operation is worth."""
+"""Torch's threads: how many an operation is worth, and how they treat the smallest numbers."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,6 +7,10 @@ import torch
 
 _GRAIN = 2**15
 """Elements below which torch itself keeps most of its operations on one thread."""
+
+
+_SUBNORMAL = 1e-40
+"""Of float32: below 2⁻¹²⁶."""
 
 
 @contextmanager
@@ -25,3 +29,19 @@ def threads_for(elements: int) -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+@contextmanager
+def subnormals_flushed() -> Iterator[None]:
+    """Numbers too small for all their digits count as zero in the block, as in native loops.
+
+    Traces fall to such numbers within some fifty steps, and processors are slow with them. The
+    setting belongs to the thread that asks for it and is put back at the end. Threads that torch
+    starts in the block inherit it; those that it started before keep their own.
+    """
+    before = bool(torch.full((), _SUBNORMAL) * 1 == 0)
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_flush_denormal(before)

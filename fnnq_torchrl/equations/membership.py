@@ -64,13 +64,27 @@ def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tens
     Returns:
         Q of every action, ``[actions, *batch, *bases, runs]``.
     """
+    batch = action_shares.ndim - 1 - (consequents.ndim - len(shares))
+    rules = weighed(consequents, shares, batch)
+    return (rules.unsqueeze(1) * action_shares).sum(0)
+
+
+def weighed(consequents: Tensor, shares: Sequence[Tensor], batch: int) -> Tensor:
+    """The consequents of each action label in a state, Σ over the states' labels of w times shares.
+
+    Args:
+        consequents, shares: as of :func:`defuzzify`.
+        batch: how many dimensions the shares' batch has.
+
+    Returns:
+        ``[action labels, *batch, *bases, runs]``.
+    """
     labels, own = consequents.shape[: len(shares) + 1], consequents.shape[len(shares) + 1 :]
-    batch = action_shares.ndim - 2 - len(own)
     rules = consequents.reshape(*labels, *[1] * batch, *own)
     for share in shares:
         labels_left = rules.ndim - share.ndim
         rules = (share.view(share.shape[0], *[1] * labels_left, *share.shape[1:]) * rules).sum(0)
-    return (rules.unsqueeze(1) * action_shares).sum(0)
+    return rules
 
 
 def rule_width(width: float, reading: str) -> float:

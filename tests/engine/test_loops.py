@@ -17,6 +17,7 @@ from fnnq_torchrl.engine.inductor import InductorLoop
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.loops import EagerLoop, Loop, MakeLoop, Running, Step
 from fnnq_torchrl.engine.native import NativeLoop, RunsMixed, Unsupported
+from fnnq_torchrl.engine.native.loop import source
 from fnnq_torchrl.engine.scheduler import work_through
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.resume.ledger import Ledger
@@ -276,7 +277,51 @@ def test_a_program_is_given_what_it_is_for(tiny: tuple[TensorDict, TensorDict]) 
         loop(stays, state).state["n"] = state["n"]
 
 
-# -- lanes whose jobs are over --------------------------------------------------------------------
+def exchange(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+    """Large entries that take each other's numbers, or their own from other places."""
+    here, there, square = (state[key] for key in ("here", "there", "square"))
+    new = here + 1
+    return TensorDict(
+        {
+            "here": there.clone(),
+            "there": new,
+            "kept": torch.where((state["n"] & 1) == 0, new, state["kept"]),
+            "kept too": torch.where((state["n"] & 1) == 0, state["kept"], state["kept too"]),
+            "turned": torch.cat([state["turned"][:, 1:], here[:, :1]], -1),
+            "square": square.transpose(1, 2) - here.unsqueeze(1),
+            "picked": there.gather(1, state["n"] & 15) + square.sum((1, 2)).unsqueeze(-1),
+            "n": state["n"] + 1,
+        },
+        state.batch_size,
+    )
+
+
+def test_large_entries_are_read_before_they_are_written() -> None:
+    generator = torch.Generator().manual_seed(1)
+    names = ("here", "there", "kept", "kept too", "turned")
+    large = {name: torch.randn(LANES, 30, generator=generator).double() for name in names}
+    square = torch.randn(LANES, 30, 30, generator=generator).double()
+    n = torch.arange(LANES).unsqueeze(-1)
+    others = {"square": square, "picked": n.double(), "n": n}
+    args = TensorDict({}, [LANES]), TensorDict(large | others, [LANES])
+    native, eager = (kind(lambda lanes: exchange, *args) for kind in (NativeLoop, EagerLoop))
+    for steps in (1, 2, 3, 10):
+        assert_close(run(native, *args, steps), run(eager, *args, steps))
+
+
+def test_a_program_does_not_grow_with_the_weights() -> None:
+    def lines(units: int) -> int:
+        widths = f"value.widths=[{units}, {units}]"
+        settings = config("value=mlp", widths, "action.candidates=3")
+        stays = make_runs(settings, 2)
+        learner = make_learner(settings, stays)
+        with torch.no_grad():
+            return source(learner.step, stays, learner.begin(stays)).count("\n")
+
+    assert lines(72) == lines(96)
+
+
+# -- lanes that are over --------------------------------------------------------------------------
 
 
 def countdown(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
@@ -309,6 +354,27 @@ def test_any_number_of_loops_are_made_in_one_process(monkeypatch: pytest.MonkeyP
     args = TensorDict({"until": zero}, [LANES]), TensorDict({"n": zero, "over": zero > 0}, [LANES])
     for _ in range(3):
         assert (run(InductorLoop(lambda lanes: countdown, *args), *args, 5)["n"] == -5).all()
+
+
+# -- subnormals ----------------------------------------------------------------------------------
+
+
+def halve(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+    return TensorDict({key: x / 2 for key, x in state.items()}, state.batch_size)
+
+
+@pytest.mark.parametrize("kind", [NativeLoop, EagerLoop, InductorLoop])
+def test_subnormals_are_zero_in_a_loop_and_what_they_were_outside(kind: MakeLoop) -> None:
+    one = torch.ones(LANES, 1)
+    state = TensorDict({"single": one, "double": one.double()}, [LANES])
+    stays = TensorDict({}, [LANES])
+    loop = kind(lambda lanes: halve, stays, state)
+    smallest, none = run(loop, stays, state, 126), run(loop, stays, state, 127)
+    assert (smallest["single"] == 2.0**-126).all()
+    assert (none["single"] == 0).all()
+    assert (none["double"] == 2.0**-127).all()
+    assert (run(loop, stays, state, 1023)["double"] == 0).all()
+    assert (one * 2.0**-126 / 2 > 0).all()  # here they are numbers, as everywhere else
 
 
 # -- the learner -----------------------------------------------------------------------------------
@@ -381,6 +447,32 @@ def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: s
     alone = in_lanes(stays[13:14])
     state = run(many[2], alone, make_learner(settings, alone).begin(alone), STEPS)
     assert not different(state[:1], learn(many, STEPS)[13:14])
+
+
+LAYERS = ("value=mlp", "value.widths=[24, 24]", "alpha=0.05", "lam=0.8")
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ("value=tiles", "alpha=0.05"),
+        (*LAYERS, "trace=gradient"),
+        (*LAYERS, "value.layer_norm=true", "step_size=obgd"),
+    ],
+    ids=["tiles", "two layers", "normalised layers"],
+)
+def test_large_networks_learn_in_loops_what_the_eager_engine_learns(overrides) -> None:
+    settings = config("machine.dtype=float64", *overrides)
+    stays = make_runs(settings, RUNS)
+    many = compile_learning(settings, in_lanes(stays))
+    state, expected = learn(many, STEPS), learn_eagerly(many, STEPS)
+    assert state["situations"].min() >= 3
+    for key in ("weights", "trace", "snapshot"):
+        for name, leaf in state[key].items(include_nested=True, leaves_only=True):
+            torch.testing.assert_close(leaf, expected[key][name], rtol=1e-9, atol=1e-11)
+    alone = in_lanes(stays[13:14])
+    one = run(many[2], alone, make_learner(settings, alone).begin(alone), STEPS)
+    assert not different(one[:1], state[13:14])
 
 
 def test_inductor_learns_what_the_eager_engine_learns() -> None:

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from fnnq_torchrl.config.values import TilesConfig
 from fnnq_torchrl.equations.layout import runs_first, runs_last
-from fnnq_torchrl.equations.membership import defuzzify
+from fnnq_torchrl.equations.membership import defuzzify, weighed
 
 from .base import ValueNetwork
 
@@ -61,7 +61,7 @@ class TilesValue(ValueNetwork):
         self.register_buffer("numbers", torch.arange(tiles + 1).to(candidates))
         # The candidates never change, so neither do their tiles.
         at = self._tiles_at(len(inputs), candidates.unsqueeze(-1))
-        self.register_buffer("candidate_tiles", at, persistent=False)
+        self.register_buffer("candidate_tiles", at.argmax(0).squeeze(-1), persistent=False)
         weights = candidates.new_zeros([*[tiles + 1] * len(self._spans), tilings, runs])
         self.weight = nn.Parameter(runs_first(weights))
 
@@ -79,12 +79,13 @@ class TilesValue(ValueNetwork):
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
         at = [self._tiles_at(i, runs_last(x.squeeze(-1))) for i, x in enumerate(observations)]
         if action is None:
-            tiles, candidates, *tilings = self.candidate_tiles.shape
-            every_state = (tiles, candidates, *[1] * (at[0].ndim - 3), *tilings)
-            action_at = self.candidate_tiles.view(every_state)
+            rules = weighed(runs_last(self.weight), at, at[0].ndim - 3)
+            candidates, tilings = self.candidate_tiles.shape
+            tiles = self.candidate_tiles.view(candidates, *[1] * (rules.ndim - 3), tilings, 1)
+            of_each_tiling = rules.gather(0, tiles.expand(-1, *rules.shape[1:]))
         else:
             action_at = self._tiles_at(len(at), runs_last(action.squeeze(-1)).unsqueeze(0))
-        of_each_tiling = defuzzify(runs_last(self.weight), at, action_at)
+            of_each_tiling = defuzzify(runs_last(self.weight), at, action_at)
         return of_each_tiling.sum(-2).movedim((0, -1), (-1, 0))
 
     def _tiles_at(self, i: int, x: Tensor) -> Tensor:

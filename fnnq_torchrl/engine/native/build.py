@@ -27,7 +27,7 @@ _FLAGS = (
     "-ffp-contract=off -fwrapv -fno-math-errno -fno-trapping-math "
 )
 _FLAGS += (
-    "-march=native -mprefer-vector-width=256"
+    "-march=native -mprefer-vector-width=512"
     if platform.machine() in ("x86_64", "AMD64")
     else "-mcpu=native"
 )

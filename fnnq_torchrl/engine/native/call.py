@@ -2,17 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
 from typing import Any
 
-import numpy as np
 import torch
-from torch import Tensor
 
+from .arrays import Array, each
 from .expressions import Expression, Expressions
-
-Array = np.ndarray[Any, Any]
-"""An array of expressions."""
 
 Operation = Callable[..., Any]
 """A function of a `Call` and the operation's own arguments, tensors as arrays of expressions."""
@@ -49,8 +44,8 @@ class Call:
 
     def cast(self, values: Array | float, dtype: torch.dtype) -> Array:
         """Return the same numbers in another dtype."""
-        if not isinstance(values, np.ndarray):
-            return np.array(self.make.constant(values, dtype), dtype=object)
+        if not isinstance(values, Array):
+            return Array.all(self.make, self.make.constant(values, dtype), ())
         return each(lambda value: self.make.cast(value, dtype), values)
 
     def pointwise(
@@ -62,14 +57,9 @@ class Call:
         return each(lambda *values: self.make(op, dtype, *values), *arrays)
 
     def fold(self, values: Array, dims: Sequence[int], keepdim: bool, op: str) -> Array:
-        """All elements along some dimensions, or along all, joined one after the other."""
-        along = sorted(dim % values.ndim for dim in dims) if dims else [*range(values.ndim)]
-        kept = [dim for dim in range(values.ndim) if dim not in along]
-        rows = values.transpose(*kept, *along).reshape(*(values.shape[dim] for dim in kept), -1)
-        folded = np.empty(rows.shape[:-1], dtype=object)
-        for place in np.ndindex(*folded.shape):
-            folded[place] = reduce(partial(self.make, op, self.result.dtype), rows[place])
-        return np.expand_dims(folded, tuple(along)) if keepdim else folded
+        """All numbers along some dimensions, or along all, joined one after the other."""
+        folded = values.fold(dims or range(values.ndim), op)
+        return folded if keepdim else folded.reshaped(self.result.shape)
 
     def pick(self, choices: Sequence[Expression], index: Any) -> Expression:
         """Return the choice of that number; a negative one counts from the end."""
@@ -78,6 +68,8 @@ class Call:
         def number(value: int) -> Expression:
             return self.make.constant(value, index.dtype)
 
+        if index.op == "constant":
+            return choices[index.args[0] % size]
         below = self.make("lt", torch.bool, index, number(0))
         from_end = self.make("add", index.dtype, index, number(size))
         index = self.make("where", index.dtype, below, from_end, index)
@@ -91,17 +83,3 @@ class Call:
             this = self.make("eq", torch.bool, index, number(place))
             picked = self.make("where", dtype, this, choice, picked)
         return picked
-
-
-def each(function: Callable[..., Expression], *arrays: Array) -> Array:
-    """A function of expressions on each element of what is broadcast."""
-    # Of arrays without dimensions NumPy makes the bare element.
-    return np.asarray(np.frompyfunc(function, len(arrays), 1)(*arrays), dtype=object)
-
-
-def constants(tensor: Tensor, make: Expressions) -> Array:
-    """Return an array of the tensor's elements."""
-    array = np.empty(tensor.shape, dtype=object)
-    for place in np.ndindex(*tensor.shape):
-        array[place] = make.constant(tensor[place].item(), tensor.dtype)
-    return array

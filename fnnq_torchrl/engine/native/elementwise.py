@@ -6,7 +6,8 @@ from typing import Any
 
 import torch
 
-from .call import Array, Call, Operations, each
+from .arrays import Array, each
+from .call import Call, Operations
 from .expressions import Unsupported
 from .source import FUNCTIONS
 

@@ -1,6 +1,7 @@
 """A traced step, carried out on arrays of scalar expressions: the step is written out.
 
-Views and broadcasts are gone then, and what is computed twice is found. The operations are those of
+Views and broadcasts are gone then, and what is computed twice is found. Large dimensions stay one
+expression each, to become loops (:mod:`.arrays`). The operations are those of
 the core ATen set that a step is likely to have; composite ones come decomposed
 (:mod:`fnnq_torchrl.engine.graphs`).
 """
@@ -10,7 +11,8 @@ from typing import Any
 from torch.fx import GraphModule, Interpreter, Node
 
 from . import elementwise, reductions, shapes
-from .call import Array, Call, constants
+from .arrays import Array, constants
+from .call import Call
 from .expressions import Expressions, Unsupported
 
 _OPERATIONS = elementwise.OPERATIONS | reductions.OPERATIONS | shapes.OPERATIONS
@@ -32,7 +34,7 @@ class Executor(Interpreter):
         return self._call(n) if n.op == "call_function" else super().run_node(n)
 
     def get_attr(self, target: Any, args: Any, kwargs: Any) -> Array:
-        return constants(super().get_attr(target, args, kwargs), self.make)
+        return constants(super().get_attr(target, args, kwargs), self.make, target)
 
     def _call(self, node: Node) -> Any:
         packet = getattr(node.target, "overloadpacket", node.target)
@@ -64,6 +66,6 @@ def _check(result: Any, like: Any) -> None:
         for one, like_one in zip(result, like, strict=True):
             _check(one, like_one)
     elif result.shape != tuple(like.shape) or any(
-        value.dtype is not like.dtype for value in result.flat
+        value.dtype is not like.dtype for value in result.values.flat
     ):
         raise ValueError(f"{result.shape} for {like}")

@@ -1,6 +1,13 @@
-"""What a lane computes in a step: scalar expressions, each of them once."""
+"""What a lane computes in a step: scalar expressions, each of them once.
 
-from collections.abc import Iterable
+An expression may stand for a whole family of numbers, one for each number of its axes: with the
+axes i and j, ``input(leaf, 64·i + j)`` is all the weights of a layer. What is done to a large
+tensor is then one expression, which the program computes in loops, and not one for each element.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass
+from functools import partial, reduce
 from math import copysign
 from typing import Any
 
@@ -15,28 +22,76 @@ _OF_BOOLEANS = {
     "maximum": "bitwise_or",
     "minimum": "bitwise_and",
 }
+LARGE = 24
+"""Numbers of a dimension from which on it is a family."""
+
+WHOLE = ("at", "fold", "pack", "pick")
+"""Operations that need, or are, more than one number of a family."""
 
 
 class Unsupported(Exception):
     """The step has something for which this compiler has no translation."""
 
 
+class Axis:
+    """A loop's variable, from 0 to ``size - 1``. Axes are compared by ``is``."""
+
+    __slots__ = ("number", "size")
+
+    def __init__(self, number: int, size: int) -> None:
+        self.number, self.size = number, size
+
+
+Where = Mapping[Axis, "Axis | int"]
+"""What becomes of axes: other axes, or one of their numbers."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """An index that depends on axes: ``base + Σ stride · axis``."""
+
+    base: int
+    strides: tuple[tuple[Axis, int], ...] = ()
+
+    def at(self, where: Where) -> "Place":
+        """The same with axes replaced."""
+        base, strides = self.base, dict[Axis, int]()
+        for axis, stride in self.strides:
+            target = where.get(axis, axis)
+            if isinstance(target, Axis):
+                strides[target] = strides.get(target, 0) + stride
+            else:
+                base += stride * target
+        return Place(base, tuple(sorted(strides.items(), key=lambda item: item[0].number)))
+
+
 class Expression:
     """A number that a lane computes. Equal expressions are one object, so ``is`` compares them.
 
     Attributes:
-        op: ``constant``, ``input``, or an operation (:mod:`.source` has them).
+        op: ``constant``, ``input``, ``table``, one of :data:`WHOLE`, or an operation on each
+            number (:mod:`.source` has them).
         dtype: of the number.
         args: what it is computed from: expressions, but for ``constant`` (a Python number),
-            ``input`` (leaf, element, lane) and ``lookup`` (a table of Python numbers first).
+            ``input`` (leaf, place, lane), ``table`` (Python numbers, place), ``lookup`` (Python
+            numbers, index), ``fold`` (operation, axis, operand), ``at`` (operand, and what becomes
+            of its axes), ``pack`` (axis, its numbers) and ``pick`` (operand, axis, index).
         operands: those of ``args`` that are expressions.
+        axes: those that it depends on.
+        plain: whether nothing that depends on its axes is one of :data:`WHOLE`.
     """
 
-    __slots__ = ("args", "dtype", "op", "operands")
+    __slots__ = ("args", "axes", "dtype", "op", "operands", "plain")
 
-    def __init__(self, op: str, dtype: torch.dtype, args: tuple[Any, ...]) -> None:
-        self.op, self.dtype, self.args = op, dtype, args
+    operands: list["Expression"]
+
+    def __init__(
+        self, op: str, dtype: torch.dtype, args: tuple[Any, ...], axes: frozenset[Axis]
+    ) -> None:
+        self.op, self.dtype, self.args, self.axes = op, dtype, args, axes
         self.operands = [arg for arg in args if isinstance(arg, Expression)]
+        alone = op not in WHOLE and all(operand.plain for operand in self.operands)
+        self.plain: bool = alone or not axes
 
 
 def in_order(results: Iterable[Expression]) -> list[Expression]:
@@ -57,11 +112,23 @@ class Expressions:
 
     Args:
         most: how many different ones there may be.
+        large: sizes of dimensions that get axes, besides all from :data:`LARGE` on.
     """
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int, large: Set[int] = frozenset()) -> None:
         self._known: dict[tuple[Any, ...], Expression] = {}
-        self._most = most
+        self._axes: dict[tuple[Any, ...], Axis] = {}
+        self._most, self._large = most, large
+        self._moved: dict[tuple[Expression, frozenset[tuple[Axis, Axis | int]]], Expression] = {}
+        self._families: dict[tuple[Axis, tuple[Expression, ...]], Expression | None] = {}
+
+    def is_large(self, size: int) -> bool:
+        """Whether a dimension of that size is a family, and not written out."""
+        return size >= LARGE or size in self._large
+
+    def axis(self, size: int, *key: object) -> Axis:
+        """The axis of that key, always the same one."""
+        return self._axes.setdefault((size, *key), Axis(len(self._axes), size))
 
     def constant(self, value: float | bool, dtype: torch.dtype) -> Expression:
         """A number that is known beforehand, as its dtype can hold it."""
@@ -75,9 +142,19 @@ class Expressions:
         # The text tells 0.0 from -0.0, and one NaN from no other.
         return self._one("constant", dtype, (value,), key=repr(value))
 
-    def input(self, leaf: int, element: int, lane: int, dtype: torch.dtype) -> Expression:
+    def input(self, leaf: int, place: Place | int, lane: int, dtype: torch.dtype) -> Expression:
         """An element of what a lane is given: ``leaf`` numbers the tensors."""
-        return self._one("input", dtype, (leaf, element, lane))
+        place = Place(place) if isinstance(place, int) else place
+        axes = frozenset(axis for axis, _ in place.strides)
+        return self._one("input", dtype, (leaf, place, lane), axes=axes)
+
+    def table(self, numbers: tuple[float, ...], place: Place, dtype: torch.dtype) -> Expression:
+        """The constant at a place among others."""
+        if not place.strides or all(repr(number) == repr(numbers[0]) for number in numbers):
+            return self.constant(numbers[place.base], dtype)
+        axes = frozenset(axis for axis, _ in place.strides)
+        key = (repr(numbers), place)
+        return self._one("table", dtype, (numbers, place), key, axes)
 
     def lookup(self, table: tuple[float, ...], index: Expression, dtype: torch.dtype) -> Expression:
         """The table's entry of that number, which must be one of them."""
@@ -91,6 +168,69 @@ class Expressions:
             return self.constant(value.args[0], dtype)
         return self._one("cast", dtype, (value,))
 
+    def fold(self, op: str, values: Expression, axis: Axis) -> Expression:
+        """The numbers along an axis joined, one after the other."""
+        if values.dtype is torch.bool:
+            op = _OF_BOOLEANS.get(op, op)
+        if values.op == "pack" and values.args[0] is axis:
+            return reduce(partial(self, op, values.dtype), values.args[1:])
+        return self._one("fold", values.dtype, (op, axis, values), axes=values.axes - {axis})
+
+    def pick(self, values: Expression, axis: Axis, index: Expression) -> Expression:
+        """The family's number at an index that each lane has for itself, and that must be one."""
+        if axis not in values.axes:
+            return values
+        if values.op == "table" and values.axes == {axis}:
+            numbers, place = values.args
+            (stride,) = (step for _, step in place.strides)
+            return self.lookup(numbers[place.base :: stride][: axis.size], index, values.dtype)
+        if values.op == "table":  # an array, of which each lane can take an element of its own
+            values = self("copy", values.dtype, values)
+        axes = (values.axes - {axis}) | index.axes
+        return self._one("pick", values.dtype, (values, axis, index), axes=axes)
+
+    def at(self, value: Expression, where: Where) -> Expression:
+        """The same with axes replaced, all at once."""
+        where = {axis: to for axis, to in where.items() if axis in value.axes and axis is not to}
+        if not where:
+            return value
+        if value.op == "input":
+            leaf, place, lane = value.args
+            return self.input(leaf, place.at(where), lane, value.dtype)
+        if value.op == "table":
+            numbers, place = value.args
+            return self.table(numbers, place.at(where), value.dtype)
+        if value.op == "at":
+            inner, before = value.args
+            now = {axis: where.get(to, to) for axis, to in before}
+            return self.at(inner, {**{axis: where.get(axis, axis) for axis in inner.axes}, **now})
+        if value.op == "pack" and isinstance(number := where.get(value.args[0]), int):
+            return self.at(value.args[1 + number], where)
+        if value.plain and all(isinstance(to, Axis) for to in where.values()):
+            key = value, frozenset(where.items())
+            if key not in self._moved:
+                operands = [self.at(operand, where) for operand in value.operands]
+                self._moved[key] = self._with(value, operands)
+            return self._moved[key]
+        axes = frozenset(
+            to for to in (where.get(axis, axis) for axis in value.axes) if isinstance(to, Axis)
+        )
+        moves = tuple(sorted(where.items(), key=lambda item: item[0].number))
+        return self._one("at", value.dtype, (value, moves), axes=axes)
+
+    def pack(self, values: Sequence[Expression], axis: Axis, *, rolled: bool = True) -> Expression:
+        """A family of given numbers: the values along an axis.
+
+        Args:
+            values: as many as the axis has numbers.
+            axis: it.
+            rolled: whether to look for one formula for all, which needs no memory.
+        """
+        if rolled and (family := self._rolled(values, axis)) is not None:
+            return family
+        axes = frozenset[Axis]().union(*(value.axes for value in values)) | {axis}
+        return self._one("pack", values[0].dtype, (axis, *values), axes=axes)
+
     def __call__(self, op: str, dtype: torch.dtype, *args: Expression) -> Expression:
         """The result of an operation."""
         if all(arg.dtype is torch.bool for arg in args):
@@ -101,8 +241,78 @@ class Expressions:
             return simpler
         return self._one(op, dtype, args)
 
+    def _rolled(self, values: Sequence[Expression], axis: Axis) -> Expression | None:
+        """A family that needs no memory: of the same operations on what is such a family."""
+        key = axis, tuple(values)
+        if key not in self._families:
+            self._families[key] = self._roll(values, axis)
+        return self._families[key]
+
+    def _roll(self, values: Sequence[Expression], axis: Axis) -> Expression | None:
+        first = values[0]
+        if all(value is first for value in values):
+            return first
+        if any(
+            value.op != first.op
+            or value.dtype is not first.dtype
+            or len(value.operands) != len(first.operands)
+            for value in values
+        ):
+            return None
+        if first.op == "constant":
+            numbers = tuple(value.args[0] for value in values)
+            return self.table(numbers, Place(0, ((axis, 1),)), first.dtype)
+        if first.op == "input":
+            return _along(
+                [value.args[1] for value in values],
+                [(value.args[0], value.args[2]) for value in values],
+                axis,
+                lambda place: self.input(first.args[0], place, first.args[2], first.dtype),
+            )
+        if first.op == "table":
+            return _along(
+                [value.args[1] for value in values],
+                [repr(value.args[0]) for value in values],
+                axis,
+                lambda place: self.table(first.args[0], place, first.dtype),
+            )
+        if first.op == "at":
+            return self._unrolled(values, axis)
+        if first.op in WHOLE or (first.op == "lookup" and len({v.args[0] for v in values}) > 1):
+            return None
+        operands = []
+        for column in zip(*(value.operands for value in values), strict=True):
+            if (rolled := self._rolled(column, axis)) is None:
+                return None
+            operands.append(rolled)
+        return self._with(first, operands)
+
+    def _unrolled(self, values: Sequence[Expression], axis: Axis) -> Expression | None:
+        """The family of which these are all the numbers."""
+        family, moves = values[0].args
+        for place, (of, to) in enumerate(moves):
+            if to == 0 and of.size == axis.size:
+                others = (*moves[:place], *moves[place + 1 :])
+                expected = [self.at(family, {**dict(others), of: n}) for n in range(axis.size)]
+                if all(one is other for one, other in zip(expected, values, strict=True)):
+                    return self.at(family, {**dict(others), of: axis})
+        return None
+
+    def _with(self, value: Expression, operands: Sequence[Expression]) -> Expression:
+        """The same operation on other operands."""
+        if value.op == "lookup":
+            return self.lookup(value.args[0], operands[0], value.dtype)
+        if value.op == "cast":
+            return self.cast(operands[0], value.dtype)
+        return self(value.op, value.dtype, *operands) if operands else value
+
     def _one(
-        self, op: str, dtype: torch.dtype, args: tuple[Any, ...], key: object = None
+        self,
+        op: str,
+        dtype: torch.dtype,
+        args: tuple[Any, ...],
+        key: object = None,
+        axes: frozenset[Axis] | None = None,
     ) -> Expression:
         if dtype not in DTYPES:
             raise Unsupported(f"no translation for {dtype}")
@@ -110,8 +320,29 @@ class Expressions:
         if (known := self._known.get(key)) is None:
             if len(self._known) == self._most:
                 raise Unsupported(f"more than {self._most:,} scalar operations")
-            known = self._known[key] = Expression(op, dtype, args)
+            if axes is None:
+                axes = frozenset[Axis]().union(
+                    *(arg.axes for arg in args if isinstance(arg, Expression))
+                )
+            known = self._known[key] = Expression(op, dtype, args, axes)
         return known
+
+
+def _along(
+    places: Sequence[Place],
+    others: Sequence[object],
+    axis: Axis,
+    make: Callable[[Place], Expression],
+) -> Expression | None:
+    """The elements at these places as a family, if they lie in equal distances."""
+    first, stride = places[0], places[1].base - places[0].base
+    for number, place in enumerate(places):
+        if place.base != first.base + number * stride or place.strides != first.strides:
+            return None
+    if any(other != others[0] for other in others) or any(of is axis for of, _ in first.strides):
+        return None
+    strides = sorted([*first.strides, (axis, stride)], key=lambda item: item[0].number)
+    return make(Place(first.base, tuple(strides)))
 
 
 def _simpler(op: str, *args: Expression) -> Expression | None:

@@ -4,24 +4,22 @@ import ctypes
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
 import torch
 from tensordict import TensorDictBase
-from torch import Tensor
 from torch.fx import GraphModule
 
 from fnnq_torchrl.engine.graphs import leaves, nested, trace
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.loops import MakeStep, Running, Step
 
+from .arrays import Array, inputs, large_sizes
 from .build import build
-from .call import Array
 from .executor import Executor
-from .expressions import Expression, Expressions, in_order
+from .expressions import Expression, Expressions, Place, in_order
 from .source import Leaf, program
 
 _MOST = 40_000
-"""Scalar operations of two runs' steps: for more, a compiler takes minutes."""
+"""Expressions of two runs' steps, a family as one: for more, a compiler takes minutes."""
 
 
 class RunsMixed(ValueError):
@@ -31,9 +29,9 @@ class RunsMixed(ValueError):
 class NativeLoop:
     """``steps`` times ``state = step(stays, state)``, in one native loop, for any number of lanes.
 
-    The step is traced for two runs and written out, scalar by scalar; each must do the same with
-    its own numbers and know nothing of the other. What one of them does is the program. It takes a
-    vector of lanes through all their steps before it turns to the next, so that their states stay
+    The step is traced for two runs and written out, large tensors in loops. Each run must do the
+    same with its own numbers and know nothing of the other. What one does is the program. It takes
+    a vector of lanes through all their steps before it turns to the next, so that their states stay
     in registers and in the first-level cache; lanes never meet, and one computes what it would
     compute alone, bit for bit.
 
@@ -99,34 +97,38 @@ def source(step: Step, stays: TensorDictBase, state: TensorDictBase) -> str:
     graph = trace(step, stays, state)
     fixed, carried = leaves(stays), leaves(state)
     tensors = [*fixed.values(), *carried.values()]
-    make = Expressions(_MOST)
+    make = Expressions(_MOST, large_sizes(tensor.shape[:-1] for tensor in tensors))
     # Of two runs, and of the same two the other way round: each must find the same in its lane.
-    inputs = [_elements(number, tensor, make) for number, tensor in enumerate(tensors)]
-    outputs = _write_out(graph, inputs, make)
-    swapped = _write_out(graph, [elements[..., ::-1] for elements in inputs], make)
-    for name, here, there in zip(carried, outputs, swapped, strict=True):
-        _check_alone(name, [*here[..., 0].flat], [*there[..., 1].flat])
-    one = [elements[..., 0] for elements in (*inputs[: len(fixed)], *outputs)]
-    over = [*fixed, *carried].index("over") if "over" in carried else None
+    given = [inputs(tensor, make, number) for number, tensor in enumerate(tensors)]
+    outputs = _write_out(graph, given, make)
+    swapped = _write_out(graph, [_swapped(array) for array in given], make)
+    changes: list[list[tuple[Place, Expression]]] = [[] for _ in tensors]
+    for number, (name, here, there) in enumerate(zip(carried, outputs, swapped, strict=True)):
+        one, other = ([*_lane(array, lane).elements()] for array, lane in ((here, 0), (there, 1)))
+        _check_alone(name, [value for _, value in one], [value for _, value in other])
+        leaf = len(fixed) + number
+        for place, value in one:
+            if value is not make.input(leaf, place, 0, value.dtype):
+                changes[leaf].append((place, value))
     return program(
         [
-            Leaf(tensor.dtype, [*before[..., 0].flat], [*after.flat])
-            for tensor, before, after in zip(tensors, inputs, one, strict=True)
+            Leaf(tensor.dtype, tensor[..., 0].numel(), change)
+            for tensor, change in zip(tensors, changes, strict=True)
         ],
-        over,
+        [*fixed, *carried].index("over") if "over" in carried else None,
     )
 
 
-def _elements(number: int, tensor: Tensor, make: Expressions) -> Array:
-    """An array of inputs of a leaf's shape, ``[..., lanes]``."""
-    elements = np.empty((tensor[..., 0].numel(), 2), dtype=object)
-    for element, lane in np.ndindex(*elements.shape):
-        elements[element, lane] = make.input(number, element, lane, tensor.dtype)
-    return elements.reshape(tensor.shape)
+def _write_out(graph: GraphModule, given: Sequence[Array], make: Expressions) -> list[Array]:
+    return [*Executor(graph, make).run(*given)]
 
 
-def _write_out(graph: GraphModule, inputs: Sequence[Array], make: Expressions) -> list[Array]:
-    return [*Executor(graph, make).run(*inputs)]
+def _swapped(array: Array) -> Array:
+    return Array(array.make, array.values[..., ::-1], array.axes)
+
+
+def _lane(array: Array, lane: int) -> Array:
+    return Array(array.make, array.values[..., lane], array.axes[:-1])
 
 
 def _check_alone(name: str, one: Sequence[Expression], other: Sequence[Expression]) -> None:

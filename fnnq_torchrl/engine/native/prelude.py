@@ -3,9 +3,18 @@
 PRELUDE = """\
 #include <cmath>
 #include <cstdint>
+#include <memory>
+#if defined(__SSE__)
+#include <xmmintrin.h>
+#endif
 
 namespace {
-constexpr int WIDTH = $width;  // lanes of a vector
+// Vectors as wide as the machine's; where they are half as wide, compilers make two of one.
+#if defined(__AVX512F__)
+constexpr int WIDTH = 64 / sizeof($real);
+#else
+constexpr int WIDTH = 32 / sizeof($real);
+#endif
 typedef float f32 __attribute__((vector_size(4 * WIDTH)));
 typedef double f64 __attribute__((vector_size(8 * WIDTH)));
 typedef int32_t i32 __attribute__((vector_size(4 * WIDTH)));
@@ -41,6 +50,14 @@ template <class T> inline T none(T result, T a) {
 }
 template <class T> inline T maximum(T a, T b) { return none(a > b ? a : b, a); }
 template <class T> inline T minimum(T a, T b) { return none(a < b ? a : b, a); }
+// The same of a number and a limit that is one: a comparison that fails keeps the former.
+template <class T> inline T at_least(T a, T limit) { return limit > a ? limit : a; }
+template <class T> inline T at_most(T a, T limit) { return limit < a ? limit : a; }
+inline bool anywhere(mask which) {
+    int lanes = 0;
+    for (int l = 0; l < WIDTH; ++l) lanes |= which[l];
+    return lanes != 0;
+}
 inline bool everywhere(mask which) {
     int lanes = 0;
     for (int l = 0; l < WIDTH; ++l) lanes += which[l] != 0;
@@ -50,6 +67,12 @@ inline bool everywhere(mask which) {
 template <class T, class Number, class Index> inline T lookup(const Number* table, Index index) {
     T found;
     for (int l = 0; l < WIDTH; ++l) found[l] = table[index[l]];
+    return found;
+}
+// Of an array of vectors, in each lane the element of its own index.
+template <class T, class Index> inline T pick(const T* of, int stride, Index index) {
+    T found;
+    for (int l = 0; l < WIDTH; ++l) found[l] = of[stride * index[l]][l];
     return found;
 }
 template <class Number, class T> inline void load(T& to, const void* leaf, int64_t place) {
@@ -67,6 +90,24 @@ template <class Number, class T, class Function> inline T each(T x, T y, Functio
     __builtin_memcpy(&x, out, sizeof out);
     return x;
 }
+
+// While it lives, numbers too small for all their digits are zero: processors are slow with them.
+class Flushed {
+#if defined(__SSE__)
+    const unsigned before = _mm_getcsr();
+public:
+    Flushed() { _mm_setcsr(before | 0x8040); }  // results and operands
+    ~Flushed() { _mm_setcsr(before); }
+#elif defined(__aarch64__)
+    uint64_t before;
+public:
+    Flushed() {
+        __asm__ volatile("mrs %0, fpcr" : "=r"(before));
+        __asm__ volatile("msr fpcr, %0" : : "r"(before | UINT64_C(1) << 24) : "memory");
+    }
+    ~Flushed() { __asm__ volatile("msr fpcr, %0" : : "r"(before) : "memory"); }
+#endif
+};
 }  // namespace
 """
 
@@ -81,10 +122,17 @@ extern "C" $number $function;
 """That the C library has the function on vectors too, at most 4 units in the last place off."""
 
 RUN = """\
+struct Memory {  // of a vector of lanes, what is too large for the stack
+$memory
+};
+
 // A leaf is [elements, lanes]; lanes are a multiple of WIDTH.
 extern "C" void run(int64_t lanes, int64_t steps, void* const* leaf) {
+    const Flushed flushed;
+    const std::unique_ptr<Memory> memory(new Memory);
 $constants
     for (int64_t lane = 0; lane < lanes; lane += WIDTH) {
+$arrays
 $loads
 $once
         for (int64_t step = 0; step < steps; ++step) {

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from functools import partial
+from math import prod
 from typing import Any
 
-import numpy as np
 import torch
 
-from .call import Array, Call, Operations, each
-from .expressions import Unsupported
+from .arrays import Array, constants, each
+from .call import Call, Operations
+from .expressions import Expression, Unsupported
 
 aten = torch.ops.aten
 
@@ -39,7 +40,7 @@ def _mean(
     dtype: torch.dtype | None = None,
 ) -> Array:
     total = call.fold(call.cast(values, call.result.dtype), dims or [], keepdim, "add")
-    return call.pointwise(total, values.size // max(total.size, 1), op="div")
+    return call.pointwise(total, prod(values.shape) // max(prod(total.shape), 1), op="div")
 
 
 @OPERATIONS.register(aten.var, aten.var_mean)
@@ -54,9 +55,9 @@ def _var_mean(
     mean = _mean(call, values, dims, True)
     deviation = call.pointwise(values, mean, op="sub")
     total = call.fold(call.pointwise(deviation, deviation, op="mul"), dims or [], keepdim, "add")
-    number = values.size // max(mean.size, 1)
+    number = prod(values.shape) // max(prod(mean.shape), 1)
     variance = call.pointwise(total, number - correction, op="div")
-    return variance if call.packet is aten.var else (variance, mean.reshape(total.shape))
+    return variance if call.packet is aten.var else (variance, mean.reshaped(total.shape))
 
 
 @OPERATIONS.register(aten.amax, aten.amin)
@@ -87,9 +88,8 @@ def _norm(
 
 @OPERATIONS.register(aten.argmax, aten.argmin)
 def _argmax(call: Call, values: Array, dim: int | None = None, keepdim: bool = False) -> Array:
-    op = "gt" if call.packet is aten.argmax else "lt"
-    rows = values.reshape(-1) if dim is None else np.moveaxis(values, dim, -1)
-    return _extreme(call, rows, op)[1].reshape(call.result.shape)
+    rows, dim = (values.reshaped([prod(values.shape)]), 0) if dim is None else (values, dim)
+    return _extreme(call, rows, dim, call.packet is aten.argmax)[1].reshaped(call.result.shape)
 
 
 @OPERATIONS.register(aten.max, aten.min)
@@ -97,36 +97,36 @@ def _max(call: Call, values: Array, dim: int | None = None, keepdim: bool = Fals
     largest = call.packet is aten.max
     if dim is None:
         return call.fold(values, [], False, "maximum" if largest else "minimum")
-    both = _extreme(call, np.moveaxis(values, dim, -1), "gt" if largest else "lt")
-    return tuple(array.reshape(call.result.shape) for array in both)
+    both = _extreme(call, values, dim, largest)
+    return tuple(array.reshaped(call.result.shape) for array in both)
 
 
-def _extreme(call: Call, rows: Array, op: str) -> tuple[Array, Array]:
-    """The first of the most extreme numbers of each row, and its place. None is beyond NaN."""
+def _extreme(call: Call, values: Array, dim: int, largest: bool) -> tuple[Array, Array]:
+    """The first of the most extreme numbers along a dimension, and its place; NaN is beyond all."""
     make = call.make
-    extremes = np.empty(rows.shape[:-1], dtype=object)
-    places = np.empty(rows.shape[:-1], dtype=object)
-    for row in np.ndindex(*places.shape):
-        best: Any = rows[row][0]
-        at = make.constant(0, torch.int64)
-        for number, value in enumerate(rows[row][1:], start=1):
-            better = make(op, torch.bool, value, best)
-            if value.dtype.is_floating_point:
-                first = make(
-                    "bitwise_and",
-                    torch.bool,
-                    make("ne", torch.bool, value, value),
-                    make("eq", torch.bool, best, best),
-                )
-                better = make("bitwise_or", torch.bool, better, first)
-            best = make("where", value.dtype, better, value, best)
-            at = make("where", torch.int64, better, make.constant(number, torch.int64), at)
-        extremes[row], places[row] = best, at
-    return extremes, places
+    extreme = values.fold([dim], "maximum" if largest else "minimum")
+
+    def found(value: Expression, best: Expression) -> Expression:
+        same = make("eq", torch.bool, value, best)
+        if not value.dtype.is_floating_point:
+            return same
+        return make("bitwise_or", torch.bool, same, make("ne", torch.bool, value, value))
+
+    size = values.shape[dim]
+    shape = [size if other == dim % values.ndim else 1 for other in range(values.ndim)]
+    numbers = constants(torch.arange(size), make, "place", size).reshaped(shape)
+    last = make.constant(size - 1, torch.int64)
+    places = each(
+        lambda here, number: make("where", torch.int64, here, number, last),
+        each(found, values, extreme),
+        numbers,
+    )
+    return extreme, places.fold([dim], "minimum")
 
 
 @OPERATIONS.register(aten.mm, aten.bmm)
 def _matmul(call: Call, left: Array, right: Array) -> Array:
     dtype = call.result.dtype
-    products = each(partial(call.make, "mul", dtype), left[..., :, :, None], right[..., None, :, :])
-    return call.fold(products, [-2], False, "add")
+    rows = left.reshaped([*left.shape, 1])
+    columns = right.reshaped([*right.shape[:-2], 1, *right.shape[-2:]])
+    return call.fold(each(partial(call.make, "mul", dtype), rows, columns), [-2], False, "add")

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from .call import Array, Call, Operations, constants
-from .expressions import Unsupported
+from .arrays import Array, Values, align, constants, each
+from .call import Call, Operations
+from .expressions import Expression, Unsupported
 
 aten = torch.ops.aten
 
@@ -17,32 +18,36 @@ OPERATIONS = Operations()
 
 @OPERATIONS.register(aten.view, aten.reshape, aten._unsafe_view, aten.squeeze, aten.unsqueeze)
 def _view(call: Call, values: Array, *_: Any) -> Array:
-    return values.reshape(call.result.shape)
+    return values.reshaped(call.result.shape)
 
 
 @OPERATIONS.register(aten.expand)
 def _expand(call: Call, values: Array, *_: Any) -> Array:
-    return np.broadcast_to(values, call.result.shape)
+    return values.expanded(call.result.shape)
 
 
 @OPERATIONS.register(aten.permute)
 def _permute(call: Call, values: Array, dims: Sequence[int]) -> Array:
-    return values.transpose(dims)
+    return values.transposed(dims)
 
 
 @OPERATIONS.register(aten.t)
 def _t(call: Call, values: Array) -> Array:
-    return values.T
+    return values.transposed(range(values.ndim)[::-1])
 
 
 @OPERATIONS.register(aten.transpose)
 def _transpose(call: Call, values: Array, dim: int, other: int) -> Array:
-    return values.swapaxes(dim, other)
+    dims = [*range(values.ndim)]
+    dims[dim], dims[other] = dims[other], dims[dim]
+    return values.transposed(dims)
 
 
 @OPERATIONS.register(aten.select)
 def _select(call: Call, values: Array, dim: int, index: int) -> Array:
-    return np.asarray(np.moveaxis(values, dim, 0)[index], dtype=object)
+    return _explicitly(values, dim, lambda rows: rows[index : index % len(rows) + 1]).reshaped(
+        call.result.shape
+    )
 
 
 @OPERATIONS.register(aten.slice)
@@ -54,49 +59,66 @@ def _slice(
     end: int | None = None,
     step: int = 1,
 ) -> Array:
-    return np.moveaxis(np.moveaxis(values, dim, 0)[start:end:step], 0, dim)
+    if call.result.shape == values.shape:
+        return values
+    return _explicitly(values, dim, lambda rows: rows[start:end:step])
 
 
 @OPERATIONS.register(aten.flip)
 def _flip(call: Call, values: Array, dims: Sequence[int]) -> Array:
-    return np.flip(values, tuple(dims))
+    for dim in dims:
+        values = _explicitly(values, dim, lambda rows: rows[::-1])
+    return values
 
 
 @OPERATIONS.register(aten.slice_scatter, aten.select_scatter)
 def _put_back(call: Call, values: Array, part: Array, dim: int = 0, *where: int | None) -> Array:
     """What a slice or a selection would take is replaced."""
-    changed = values.copy()
-    place = where[0] if call.packet is aten.select_scatter else slice(*where)
-    np.moveaxis(changed, dim, 0)[place] = (
-        part if call.packet is aten.select_scatter else np.moveaxis(part, dim, 0)
-    )
-    return changed
+    if selected := call.packet is aten.select_scatter:
+        at = dim % values.ndim
+        part = part.reshaped([*part.shape[:at], 1, *part.shape[at:]])
+    place = slice(*where) if not selected else where[0]
+    rows, parts = _rows(values, dim), _rows(part, dim)
+    places = np.atleast_1d(np.arange(len(rows))[place])
+    for number, row in zip(places, parts, strict=True):
+        rows[number] = row
+    return _joined(rows, dim)
 
 
 @OPERATIONS.register(aten.cat)
 def _cat(call: Call, arrays: Sequence[Array], dim: int = 0) -> Array:
-    return np.concatenate([call.cast(array, call.result.dtype) for array in arrays], dim)
+    cast = [call.cast(array, call.result.dtype) for array in arrays]
+    return _joined([row for array in cast for row in _rows(array, dim)], dim)
 
 
 @OPERATIONS.register(aten.repeat)
 def _repeat(call: Call, values: Array, times: Sequence[int]) -> Array:
-    return np.tile(values, times)
+    array = values.reshaped([*[1] * (len(times) - values.ndim), *values.shape])
+    for dim, number in enumerate(times):
+        array = _joined(_rows(array, dim) * number, dim) if number > 1 else array
+    return array
 
 
 @OPERATIONS.register(aten.constant_pad_nd)
 def _pad(call: Call, values: Array, widths: Sequence[int], number: float = 0) -> Array:
     if min(widths) < 0:
         raise Unsupported("no translation for padding by less than nothing")
-    pairs = [(0, 0)] * values.ndim
-    for dim in range(len(widths) // 2):
-        pairs[-1 - dim] = (widths[2 * dim], widths[2 * dim + 1])
-    constant: Any = call.make.constant(number, call.result.dtype)
-    return np.pad(values, pairs, constant_values=constant)
+    constant = call.cast(number, call.result.dtype)
+    for pair in range(len(widths) // 2):
+        dim = values.ndim - 1 - pair
+        edge = constant.expanded([*values.shape[:dim], 1, *values.shape[dim + 1 :]])
+        before, after = ([edge] * width for width in widths[2 * pair : 2 * pair + 2])
+        values = _joined([*before, *_rows(values, dim), *after], dim)
+    return values
 
 
 @OPERATIONS.register(aten.split_with_sizes)
 def _split(call: Call, values: Array, sizes: Sequence[int], dim: int = 0) -> list[Array]:
-    return np.split(values, np.cumsum(sizes)[:-1], dim)
+    ends = np.cumsum(sizes)
+    return [
+        _explicitly(values, dim, lambda rows, end=end, size=size: rows[end - size : end])
+        for end, size in zip(ends, sizes, strict=True)
+    ]
 
 
 @OPERATIONS.register(operator.getitem)
@@ -106,12 +128,13 @@ def _getitem(call: Call, values: Sequence[Array], index: int) -> Array:
 
 @OPERATIONS.register(aten.scalar_tensor, aten.full, aten.full_like)
 def _full(call: Call, *args: Any, **_: Any) -> Array:
-    return np.broadcast_to(call.cast(args[-1], call.result.dtype), call.result.shape)
+    return call.cast(args[-1], call.result.dtype).expanded(call.result.shape)
 
 
 @OPERATIONS.register(aten.arange)
 def _arange(call: Call, *args: int, **_: Any) -> Array:
-    return constants(torch.arange(*args, dtype=call.result.dtype), call.make)
+    numbers = torch.arange(*args, dtype=call.result.dtype)
+    return constants(numbers, call.make, "arange", *args)
 
 
 @OPERATIONS.register(aten.index)
@@ -120,15 +143,11 @@ def _index(call: Call, values: Array, indices: Sequence[Array | None]) -> Array:
     if len(along) != 1:
         raise Unsupported("no translation for several indices at once")
     ((dim, index),) = along
-    rows = np.moveaxis(values, dim, -1)
-    before, after = rows.shape[:dim], rows.shape[dim:-1]
-    picked = np.empty((*before, *index.shape, *after), dtype=object)
-    for outer in np.ndindex(*before):
-        for place in np.ndindex(*index.shape):
-            for inner in np.ndindex(*after):
-                choices = rows[(*outer, *inner)]
-                picked[(*outer, *place, *inner)] = call.pick(choices, index[place])
-    return picked
+    # [before, *1, after, numbers] and [*1, index, *1, 1]
+    others = [*values.shape[:dim], *[1] * index.ndim, *values.shape[dim + 1 :]]
+    rows = values.moved(dim, -1).reshaped([*others, values.shape[dim]])
+    after = values.ndim - dim - 1
+    return _pick(call, rows, index.reshaped([*[1] * dim, *index.shape, *[1] * after, 1]))
 
 
 @OPERATIONS.register(aten.index_select)
@@ -140,31 +159,85 @@ def _index_select(call: Call, values: Array, dim: int, index: Array) -> Array:
 def _gather(
     call: Call, values: Array, dim: int, index: Array, *, sparse_grad: bool = False
 ) -> Array:
-    picked = np.empty(index.shape, dtype=object)
-    rows = np.moveaxis(values, dim, -1)
-    for place in np.ndindex(*index.shape):
-        others = [*place]
-        others.pop(dim)
-        picked[place] = call.pick(rows[tuple(others)], index[place])
-    return picked
+    dim %= max(values.ndim, 1)
+    for other, size in enumerate(index.shape):
+        if other != dim and values.shape[other] != size:
+            values = _explicitly(values, other, lambda rows, size=size: rows[:size])
+    # [others, numbers of values, 1] and [others, 1, numbers of index]
+    rows, at = values.moved(dim, -1), index.moved(dim, -1)
+    rows = rows.reshaped([*rows.shape[:-1], 1, rows.shape[-1]])
+    picked = _pick(call, rows, at.reshaped([*at.shape, 1]))
+    return picked.moved(-1, dim)
 
 
 @OPERATIONS.register(aten.scatter, aten.scatter_add)
 def _scatter(call: Call, values: Array, dim: int, index: Array, source: Array | float) -> Array:
-    dtype = call.result.dtype
-    changed = values.copy()
-    sources = call.cast(source, dtype)
-    if not sources.ndim:
-        sources = np.broadcast_to(sources, index.shape)
+    dtype, make = call.result.dtype, call.make
+    sources = call.cast(source, dtype).expanded(index.shape)
     dim %= max(values.ndim, 1)
-    for place in np.ndindex(*index.shape):
-        at: Any = index[place]
-        for number in range(values.shape[dim]):
-            there = (*place[:dim], number, *place[dim + 1 :])
-            old: Any = changed[there]
-            new: Any = sources[place]
-            if call.packet is aten.scatter_add:
-                new = call.make("add", dtype, old, new)
-            this = call.make("eq", torch.bool, at, call.make.constant(number, at.dtype))
-            changed[there] = call.make("where", dtype, this, new, old)
-    return changed
+    for other in range(values.ndim):
+        if other != dim and values.shape[other] != index.shape[other]:
+            raise Unsupported("no translation for scattering into a part")
+    shape = [values.shape[dim] if other == dim else 1 for other in range(values.ndim)]
+    size = values.shape[dim]
+    numbers = constants(torch.arange(size), make, "place", size).reshaped(shape)
+
+    def put(old: Expression, new: Expression, at: Expression, number: Expression) -> Expression:
+        if call.packet is aten.scatter_add:
+            new = make("add", dtype, old, new)
+        return make("where", dtype, make("eq", torch.bool, at, number), new, old)
+
+    for at, new in zip(_rows(index, dim), _rows(sources, dim), strict=True):
+        values = each(put, values, new, at, numbers)
+    return values
+
+
+def _pick(call: Call, rows: Array, index: Array) -> Array:
+    """The row's number at each index: rows ``[..., numbers]``, index ``[..., 1]``."""
+    if not rows.axes[-1]:
+        columns = _rows(rows, -1)
+        return _without_last(each(lambda at, *choices: call.pick(choices, at), index, *columns))
+    if len(rows.axes[-1]) > 1:
+        raise Unsupported("no translation for an index into what was several dimensions")
+    make, size = call.make, rows.shape[-1]
+    first, *_ = rows.axes[-1]
+    family = Array(make, rows.values, (*rows.axes[:-1], ()))
+
+    def pick(values: Expression, at: Expression) -> Expression:
+        def number(value: int) -> Expression:
+            return make.constant(value, at.dtype)
+
+        if at.op == "constant":
+            return make.at(values, {first: at.args[0] % size})
+        below = make("lt", torch.bool, at, number(0))
+        at = make("where", at.dtype, below, make("add", at.dtype, at, number(size)), at)
+        at = make("minimum", at.dtype, make("maximum", at.dtype, at, number(0)), number(size - 1))
+        return make.pick(values, first, at)
+
+    return _without_last(each(pick, family, index))
+
+
+def _without_last(array: Array) -> Array:
+    return Array(array.make, array.values[..., 0], array.axes[:-1])
+
+
+def _explicitly(values: Array, dim: int, function: Any) -> Array:
+    """A function that takes, leaves or orders what is along a dimension."""
+    array = values.explicit(dim)
+    rows: Values = np.moveaxis(function(np.moveaxis(array.values, dim, 0)), 0, dim)
+    return Array(array.make, rows, array.axes)
+
+
+def _rows(values: Array, dim: int) -> list[Array]:
+    """What is along a dimension, one after the other, with a size of 1 there."""
+    array = values.explicit(dim)
+    return [
+        Array(array.make, rows, array.axes)
+        for rows in np.split(array.values, array.values.shape[dim], dim)
+    ]
+
+
+def _joined(rows: Sequence[Array], dim: int) -> Array:
+    aligned = align(rows)
+    values = np.concatenate([row.values for row in aligned], dim)
+    return Array(aligned[0].make, values, aligned[0].axes)

@@ -9,7 +9,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from fnnq_torchrl.engine.lanes import LANES
-from fnnq_torchrl.engine.native import NativeLoop, Unsupported
+from fnnq_torchrl.engine.native import NativeLoop, Unsupported, arrays, expressions, loop
 
 pytestmark = pytest.mark.usefixtures("compiler")
 
@@ -172,6 +172,15 @@ def assert_all_close(
         )
 
 
+@pytest.fixture(params=["written out", "in loops"])
+def size(request, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dimensions of which each number is written out, or, from three numbers on, loops."""
+    if request.param == "in loops":
+        monkeypatch.setattr(expressions, "LARGE", 3)
+        monkeypatch.setattr(arrays, "LARGE", 3)
+
+
+@pytest.mark.usefixtures("size")
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
 def test_operations_do_what_torch_does(dtype: torch.dtype) -> None:
     functions = REAL | {f"whole: {name}": function for name, function in WHOLE.items()}
@@ -198,6 +207,7 @@ def test_sums_are_taken_in_order(dtype: torch.dtype) -> None:
     assert (running.state["sum"] == first + second + third).all()
 
 
+@pytest.mark.usefixtures("size")
 def test_gradients_are_torchs() -> None:
     def slope(function: Function) -> Function:
         def gradient(x: Tensor, y: Tensor, k: Tensor, m: Tensor) -> Tensor:
@@ -234,12 +244,14 @@ def test_what_has_no_translation_is_said(name: str) -> None:
         carried_out({name: WITHOUT_TRANSLATION[name]}, data(torch.float32))
 
 
-def test_a_step_of_too_many_operations_is_refused() -> None:
+def test_a_step_of_too_many_operations_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loop, "_MOST", 1_000)
+
     def large(x: Tensor, y: Tensor, k: Tensor, m: Tensor) -> Tensor:
         return (
             x[:, :, None, None, None] * y[:, None, :, None, None]
-            + torch.arange(36.0)[:, None] * torch.ones(36, 36)
+            + torch.arange(20.0)[:, None] * torch.ones(20, 20)
         ).sum((1, 2, 3, 4))[:, None]
 
-    with pytest.raises(Unsupported, match="more than 40,000 scalar operations"):
+    with pytest.raises(Unsupported, match="more than 1,000 scalar operations"):
         carried_out({"it": large}, data(torch.float32))

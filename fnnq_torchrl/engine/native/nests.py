@@ -1,0 +1,297 @@
+"""Expressions and writes in an order, and in loops over the axes that they depend on.
+
+Every expression is computed where exactly its axes' loops are around it, the loops nested in one
+order throughout. The program is made from its end: what nobody after it waits for is placed before
+what is placed already, into the loop that is open if it can, so that it comes as late, and as near
+to its use, as may be. Expressions share a loop, then, unless one of them needs numbers that another
+has only after the loop: the result of a fold, or another number than its own.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass, field
+from math import gcd
+
+from .expressions import Axis, Expression, Place, in_order
+
+
+@dataclass(frozen=True, eq=False)
+class Write:
+    """The next number of a leaf's element, or of a family of them.
+
+    Attributes:
+        leaf, place: what is written to.
+        value: the number.
+        source: the leaf, if any, whose next number at the same place is taken in the lanes where
+            the value, then a mask, says so; the others keep theirs.
+    """
+
+    leaf: int
+    place: Place
+    value: Expression
+    source: int | None = None
+
+
+Node = Expression | Write
+
+
+@dataclass(eq=False)
+class Loop:
+    """A loop over an axis, or, without one, the whole.
+
+    Attributes:
+        body: nodes and loops in the order in which they come.
+    """
+
+    axis: Axis | None = None
+    body: list["Node | Loop"] = field(default_factory=list)
+
+
+@dataclass
+class Nests:
+    """What is placed.
+
+    Attributes:
+        whole: the order.
+        around: the loops around a node, the whole first.
+        users: the nodes that read an expression.
+        late: writes that others have to come before: to memory first, to the leaf at the end.
+    """
+
+    whole: Loop
+    around: dict[Node, tuple[Loop, ...]]
+    users: Mapping[Expression, Sequence[tuple[Node, frozenset[Axis]]]]
+    late: list[Write]
+
+
+def operands(node: Node) -> list[tuple[Expression, frozenset[Axis]]]:
+    """What a node reads, and the axes of which it reads other numbers than its own."""
+    if isinstance(node, Write):
+        return _resolved(node.value)
+    bound = frozenset([node.args[1]]) if node.op == "pick" else frozenset[Axis]()
+    found = []
+    for number, operand in enumerate(node.operands):
+        others = bound if number == 0 else frozenset[Axis]()
+        found += [(of, axes | others) for of, axes in _resolved(operand)]
+    return found
+
+
+def _resolved(operand: Expression) -> list[tuple[Expression, frozenset[Axis]]]:
+    if operand.op == "at":
+        family, moves = operand.args
+        return [(family, frozenset(axis for axis, _ in moves))]
+    return [(operand, frozenset[Axis]())]
+
+
+def is_computed(value: Expression) -> bool:
+    """Whether an expression is an operation: not what is given, nor another's number."""
+    return value.op not in ("constant", "input", "table", "at")
+
+
+def path(node: Node, rank: Mapping[Axis, int]) -> tuple[Axis, ...]:
+    """The loops that must be around a node."""
+    if isinstance(node, Write):
+        own = frozenset(axis for axis, _ in node.place.strides)
+        axes = node.value.axes | own if node.source is None else frozenset[Axis]()
+    elif node.op == "fold":
+        axes = node.operands[0].axes | {node.args[1]}
+    elif node.op == "pack":
+        axes = frozenset[Axis]().union(*(value.axes for value in node.operands))
+    else:
+        axes = node.axes
+    return tuple(sorted(axes, key=lambda axis: rank[axis]))
+
+
+def ranks(nodes: Iterable[Node]) -> dict[Axis, int]:
+    """How far inside the axes' loops are: memory is walked through in its order if it can be."""
+    axes: dict[Axis, None] = {}
+    outer: dict[Axis, Counter[Axis]] = defaultdict(Counter)
+    for node in nodes:
+        places = [node.place] if isinstance(node, Write) else []
+        if isinstance(node, Expression):
+            axes |= dict.fromkeys(sorted(node.axes, key=lambda axis: axis.number))
+            if node.op == "fold":
+                axes[node.args[1]] = None
+            places += [node.args[1]] if node.op in ("input", "table") else []
+        for place in places:
+            axes |= dict.fromkeys(axis for axis, _ in place.strides)
+            for inner, small in place.strides:
+                for other, large in place.strides:
+                    outer[inner][other] += (large > small) - (large < small)
+    order: list[Axis] = []
+    left = sorted(axes, key=lambda axis: axis.number)
+    while left:
+        first = min(left, key=lambda axis: sum(outer[axis][other] > 0 for other in left))
+        order.append(first)
+        left.remove(first)
+    return {axis: number for number, axis in enumerate(order)}
+
+
+def arrange(writes: Sequence[Write], given: Set[Expression]) -> Nests:
+    """Place writes, and all that they are computed from but is not given."""
+    return _Arrangement(writes, given).nests
+
+
+class _Arrangement:
+    def __init__(self, writes: Sequence[Write], given: Set[Expression]) -> None:
+        every = in_order(write.value for write in writes)
+        order = [value for value in every if is_computed(value) and value not in given]
+        nodes: list[Node] = [*order, *writes]
+        self._order = {node: number for number, node in enumerate(nodes)}
+        self._rank = ranks([*every, *writes])
+        self._paths = {node: path(node, self._rank) for node in self._order}
+        self._users: dict[Expression, list[tuple[Node, frozenset[Axis]]]] = defaultdict(list)
+        self._reads: dict[Node, list[Expression]] = {}
+        for node in self._order:
+            reads = operands(node)
+            self._reads[node] = [value for value, _ in reads if value in self._order]
+            for value, moved in reads:
+                self._users[value].append((node, moved))
+        self._waiting = Counter[Node](dict.fromkeys(self._order, 0))
+        for reads_of in self._reads.values():
+            self._waiting.update(reads_of)
+        self._free = {node: None for node in self._order if not self._waiting[node]}
+        self._written: dict[int, list[Write]] = defaultdict(list)
+        self._read: dict[int, list[Node]] = defaultdict(list)
+        self.nests = Nests(Loop(), {}, self._users, [])
+        self._fill((self.nests.whole,))
+        _turn_round(self.nests.whole, self._order)
+
+    def _fill(self, stack: tuple[Loop, ...]) -> None:
+        """Place all that can be placed in a loop, and in loops in it."""
+        depth = len(stack) - 1
+        while True:
+            here = [node for node in self._free if len(self._paths[node]) == depth]
+            here = [node for node in here if self._fits(node, stack)]
+            for node in here:
+                self._place(node, stack)
+            if here:
+                continue
+            inner = [node for node in self._free if len(self._paths[node]) > depth]
+            axes = {self._paths[node][depth]: None for node in inner if self._fits(node, stack)}
+            if not axes:
+                return
+            loop = Loop(self._next(list(axes), depth, stack))
+            stack[-1].body.append(loop)
+            self._fill((*stack, loop))
+
+    def _fits(self, node: Node, stack: tuple[Loop, ...]) -> bool:
+        """Whether a node may come before all that is placed, in these loops and more of them."""
+        axes = tuple(loop.axis for loop in stack[1:])
+        if self._paths[node][: len(axes)] != axes:
+            return False
+        if isinstance(node, Write):
+            return True
+        fold = {node.args[1]} if node.op == "fold" else frozenset[Axis]()
+        for user, moved in self._users[node]:
+            both = shared(stack, self.nests.around[user])
+            if any(loop.axis in moved or loop.axis in fold for loop in both):
+                return False
+        return not any(
+            len(shared(stack, self.nests.around[write])) > 1 and not _apart(write.place, place)
+            for leaf, place in _leaves(node)
+            for write in self._written[leaf]
+        )
+
+    def _place(self, node: Node, stack: tuple[Loop, ...]) -> None:
+        self.nests.around[node] = stack
+        stack[-1].body.append(node)
+        del self._free[node]
+        if isinstance(node, Write):
+            if self._read[node.leaf]:
+                self.nests.late.append(node)
+            else:
+                self._written[node.leaf].append(node)
+        for leaf, _ in _leaves(node):
+            self._read[leaf].append(node)
+        for value in self._reads[node]:
+            self._waiting[value] -= 1
+            if not self._waiting[value]:
+                self._free[value] = None
+
+    def _next(self, axes: Sequence[Axis], depth: int, stack: tuple[Loop, ...]) -> Axis:
+        """The loop to open: that which gains least by waiting for the others."""
+        if len(axes) == 1:
+            return axes[0]
+        prefix = tuple(loop.axis for loop in stack[1:])
+        gains = {axis: self._gain((*prefix, axis)) for axis in axes}
+        return min(axes, key=lambda axis: (gains[axis], self._rank[axis]))
+
+    def _gain(self, prefix: tuple[Axis | None, ...]) -> int:
+        """How many more nodes a loop could take if all others came first."""
+
+        def inside(node: Node) -> bool:
+            return self._paths[node][: len(prefix)] == prefix
+
+        waiting = Counter[Node]()
+
+        def spread(start: Iterable[Node], taken: set[Node], within: bool) -> set[Node]:
+            found = set[Node]()
+            stack = [node for node in start if inside(node) is within]
+            while stack:
+                node = stack.pop()
+                if node in found:
+                    continue
+                found.add(node)
+                for value in self._reads[node]:
+                    waiting[value] += 1
+                    if waiting[value] == self._waiting[value]:
+                        freed.append(value)
+                        if inside(value) is within and self._stays(value, found, within):
+                            stack.append(value)
+            return found
+
+        freed: list[Node] = []
+        now = len(spread(self._free, set(), True))
+        waiting.clear()
+        freed.clear()
+        spread(self._free, set(), False)
+        later = [*self._free, *freed]
+        return len(spread(later, set(), True)) - now
+
+    def _stays(self, value: Expression, loop: set[Node], within: bool) -> bool:
+        """Whether a value can be in the same loop as those of its users that are."""
+        if not within:
+            return True
+        fold = {value.args[1]} if value.op == "fold" else frozenset[Axis]()
+        outer = self._paths[value][0]
+        return not any(
+            user in loop and (outer in moved or outer in fold) for user, moved in self._users[value]
+        )
+
+
+def _leaves(node: Node) -> list[tuple[int, Place]]:
+    """The leaves' elements that a node reads."""
+    return [(of.args[0], of.args[1]) for of, _ in operands(node) if of.op == "input"]
+
+
+def _apart(place: Place, other: Place) -> bool:
+    """Whether elements are the same in an iteration, or in none and in no two of them."""
+    if place.strides != other.strides:
+        return False
+    return place.base == other.base or bool(
+        (place.base - other.base) % gcd(*(stride for _, stride in place.strides))
+    )
+
+
+def shared(some: Sequence[Loop], others: Sequence[Loop]) -> list[Loop]:
+    """The loops that are around both."""
+    return [one for one, other in zip(some, others, strict=False) if one is other]
+
+
+def _turn_round(loop: Loop, order: Mapping[Node, int]) -> None:
+    """From the end to the beginning; what stands between loops as it does in the expressions."""
+    body: list[Node | Loop] = []
+    between: list[Node] = []
+    for one in [*loop.body[::-1], Loop()]:
+        if isinstance(one, Loop):
+            values = [node for node in between if isinstance(node, Expression)]
+            values.sort(key=lambda value: order[value])
+            body += values
+            body += [node for node in between if isinstance(node, Write)]
+            between = []
+            _turn_round(one, order) if one.body else None
+            body.append(one)
+        else:
+            between.append(one)
+    loop.body = body[:-1]
