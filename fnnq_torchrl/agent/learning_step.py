@@ -43,6 +43,8 @@ class Learner:
         evaluate_every: situations from one evaluation to the next.
         largest_value: a run with a larger |Q| than this has diverged; with infinity, one whose Q
             isn't finite.
+        learns: of a network with the single parameter ``weight``, 1 for what learns and 0 for what
+            stays as it is, ``[*weights]``; if not given, all learns.
 
     Raises:
         ValueError: there is no such policy.
@@ -58,6 +60,7 @@ class Learner:
         exploration: str,
         evaluate_every: int,
         largest_value: float,
+        learns: Tensor | None = None,
     ) -> None:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # every step sets the amount
@@ -65,6 +68,8 @@ class Learner:
         self.step_size = step_size
         self.evaluate_every = evaluate_every
         self._update = Update(self.loss, rule)
+        like = value_network.candidates
+        self._learns = None if learns is None else learns.unsqueeze(-1).to(like)
         self.largest_value = min(largest_value, torch.finfo(value_network.candidates.dtype).max)
 
     def begin(self, run: TensorDictBase) -> TensorDict:
@@ -118,6 +123,8 @@ class Learner:
                 partial(self._error_slope, state["weights"], run["gamma"], slope, after),
             ),
         )
+        if self._learns is not None:
+            step = step * self._learns
         weights = {
             name: runs_first(runs_last(weight) + step * runs_last(direction[name]))
             for name, weight in state["weights"].items()

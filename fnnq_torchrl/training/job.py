@@ -153,8 +153,10 @@ def _check(batch: Batch) -> None:
 def _run_batch(
     batch: Batch, saved: SavedTraining, pictures: bool, interruptions: Interruptions
 ) -> list[float | Exception]:
-    trainer = Trainer(batch.config, batch.runs, batch.engine)
+    trainer = Trainer(batch.config, batch.runs, batch.engine, batch.start)
     announce(batch.engine.why)
+    if batch.start is not None and batch.start.told:
+        announce(batch.start.told)
     outcome = _train(trainer, saved, interruptions)
     _announce_diverged(outcome)
     bounds = accumulate((job.config.num_seeds for job in batch.jobs), initial=0)

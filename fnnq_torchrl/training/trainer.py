@@ -22,6 +22,7 @@ from fnnq_torchrl.training.evaluation import GreedyTest, Playing
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.resume.ledger import Ledger
+from fnnq_torchrl.training.start import Start, read_start
 
 OnProgress = Callable[[int], None]
 """Is told how many situations, of all runs together, are done."""
@@ -39,10 +40,13 @@ class Trainer:
         config: a valid configuration.
         runs: what the runs have of their own, of one job or of several.
         engine: runs the steps.
+        start: where learning starts; if not given, at the value network's own start.
     """
 
-    def __init__(self, config: Config, runs: Runs, engine: Engine) -> None:
-        self.config, self.engine, self._runs = config, engine, runs
+    def __init__(
+        self, config: Config, runs: Runs, engine: Engine, start: Start | None = None
+    ) -> None:
+        self.config, self.engine, self._runs, self._start = config, engine, runs, start
         self.device = torch.device(config.machine.device)
         self.dtype: torch.dtype = getattr(torch, config.machine.dtype)
         columns = {
@@ -66,14 +70,18 @@ class Trainer:
         """Make a trainer of the runs of one job.
 
         Raises:
-            ConfigError: the engine is to compile, and there is no C++ compiler.
+            ConfigError: the engine is to compile, and there is no C++ compiler; or as in
+                :func:`.read_start`.
         """
         runs = Runs.of([config])
-        return cls(config, runs, choose_engine(config, len(runs)))
+        return cls(config, runs, choose_engine(config, len(runs)), read_start(config))
 
     def _value_network(self, runs: int) -> ValueNetwork:
         candidates = make_candidates(self.config, self.dtype, self.device)
-        return make_value_network(self.config.value, candidates, runs)
+        network = make_value_network(self.config.value, candidates, runs)
+        if self._start is not None:
+            self._start.put_into(network)
+        return network
 
     def make_learner(self, lanes: int) -> Learner:
         """Make the learning step of so many runs."""
@@ -86,6 +94,7 @@ class Trainer:
             exploration=config.exploration,
             evaluate_every=config.evaluation.every,
             largest_value=config.largest_value,
+            learns=None if self._start is None else self._start.learns,
         )
 
     @torch.no_grad()
