@@ -10,9 +10,10 @@ KILLS := 25
 STEPS := 10
 JAX := benchmarks/.jax
 SB3 := benchmarks/peers/.venv
+FOREIGN := tests/foreign/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation test fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules test foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -41,8 +42,15 @@ extrapolation: install  ## docs/extrapolation.md: what value functions do where 
 	for name in value_functions extrapolation; do $(EXPERIMENT) +experiment=$$name || exit; done
 	$(BIN)/python -m fnnq_torchrl.extrapolation
 
+rules: install  ## docs/rules.md: do distilled controllers catch what the learned ones catch, over 1,000 seeds?
+	$(EXPERIMENT) num_seeds=$(SEEDS) hydra.run.dir=outputs/rules
+	$(BIN)/python -m fnnq_torchrl.rules run=outputs/rules page=docs/rules.md
+
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto
+
+foreign: install $(FOREIGN)/installed  ## what other programs make of our files of rules; says what is missing
+	$(BIN)/python -m pytest -q -n auto -m foreign tests/foreign
 
 fuzz: install  ## made-up overrides by the hundred, as test_bad_input.py has a few of
 	$(BIN)/python -m pytest -q tests/launch/test_bad_input.py -k overrides --hypothesis-profile long
@@ -85,8 +93,8 @@ format: install  ## rewrite the code as ruff would have it
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-clean:  ## remove .venv, the environments of JAX and of the peers, dist and caches, never outputs/
-	rm -rf $(VENV) $(JAX) $(SB3) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
+clean:  ## remove .venv, the environments of JAX, of the peers and of foreign readers, dist and caches, never outputs/
+	rm -rf $(VENV) $(JAX) $(SB3) $(FOREIGN) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 # The pins hold for build backends too: from pip 25.3 on they have a variable of their own.
 $(STAMP) $(SB3)/installed: export PIP_CONSTRAINT := constraints.txt
@@ -101,6 +109,11 @@ $(STAMP): pyproject.toml constraints.txt
 $(JAX)/installed: benchmarks/jax-requirements.txt
 	@$(PYTHON) -m venv $(JAX)
 	@$(JAX)/bin/python -m pip install -qq -r $<
+	@touch $@
+
+$(FOREIGN)/installed: tests/foreign/requirements.txt
+	@$(PYTHON) -m venv $(FOREIGN)
+	@$(FOREIGN)/bin/python -m pip install -qq -r $<
 	@touch $@
 
 $(SB3)/installed: benchmarks/peers/requirements.txt pyproject.toml constraints.txt

@@ -14,7 +14,7 @@ PYTHON = HERE / ".venv" / "bin" / "python"
 """The environment that `make foreign` makes."""
 
 PACKAGES = {
-    "clang": "clang",
+    "clang": "clang libclang-rt-14-dev",
     "fuzzylite": "fuzzylite",
     "gcc": "gcc",
     "octave-cli": "octave octave-fuzzy-logic-toolkit",

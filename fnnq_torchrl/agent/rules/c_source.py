@@ -90,7 +90,7 @@ _NEAREST = """\
 static void nearest($real x, const $real supports[][2], $real *degrees, int count)
 {
     int best = 0;
-    $real least = INFINITY;
+    $real least = $huge;
     for (int i = 0; i < count; i++) {
         const $real below = supports[i][0] - x, above = x - supports[i][1];
         const $real distance = below > above ? below : above;
@@ -128,7 +128,7 @@ $common    /* Relative to the highest ones, so that far from every label somethi
     for (int i = 0; i < $inputs; i++) {
         const $real peak = $peak;
         for (int j = starts[i]; j < starts[i] + counts[i]; j++) {
-            degrees[j] = exp$f(degrees[j] - (peak > -INFINITY ? peak : $zero));
+            degrees[j] = exp$f(degrees[j] - (peak > -$huge ? peak : $zero));
         }
     }
     $real total = $zero, sum = $zero;
@@ -220,7 +220,9 @@ def write(
             raise RulesError(f"export_float=true: {value!r} is beyond what a float holds")
         return f"{value!r}f" if floats else repr(value)
 
+    huge = "HUGE_VALF" if floats else "HUGE_VAL"
     words: dict[str, str] = {
+        "huge": huge,
         "real": "float" if floats else "double",
         "f": "f" if floats else "",
         "zero": literal(0.0),
@@ -240,7 +242,7 @@ def write(
         ),
         "common": "",
         "peak": "common" if minimum else "peaks[i]",
-        "neutral": "INFINITY" if minimum else literal(1.0),
+        "neutral": huge if minimum else literal(1.0),
         "combine": "lower(strength, degree)" if minimum else "strength * degree",
     }
 
@@ -315,7 +317,7 @@ def _degrees(i: int, variable: Variable, literal: Callable[[float], str], elsewh
         lines = [
             f"    static const $real supports[{count}][2] = {{{rows}}};",
             *lines,
-            f"    if (!(highest(degrees, {count}) > -INFINITY)) {{",
+            f"    if (!(highest(degrees, {count}) > -$huge)) {{",
             f"        nearest(x, supports, degrees, {count});",
             "    }",
         ]

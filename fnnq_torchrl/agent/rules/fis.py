@@ -178,9 +178,9 @@ def _put_rule(tokens: Tokens, grid: Grid, variables: Sequence[Variable], output:
 
 def _whole(token: Token) -> tuple[int, Token]:
     """The whole number that a token is, and the token."""
-    if not re.fullmatch(r"-?[0-9]{1,6}", token.text):
+    if not re.fullmatch(r"-?[0-9]{1,6}(\.0{0,6})?", token.text):
         raise token.error("expected a whole number")
-    return int(token.text), token
+    return int(token.text.partition(".")[0]), token
 
 
 def _read_key(parts: _Parts, section: str, line: Token) -> None:

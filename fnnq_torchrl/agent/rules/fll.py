@@ -286,7 +286,9 @@ def _rules_line(parts: _Parts, key: str, tokens: Tokens, place: Token) -> None:
     if key == "rule":
         parts.rules.append(tokens)
     elif key == "conjunction":
-        parts.t_norm = _T_NORMS[tokens.one_of(_T_NORMS, "t-norm").text]
+        # Rules about a single input may do without.
+        known = [*_T_NORMS, "none"] if len(parts.inputs) == 1 else [*_T_NORMS]
+        parts.t_norm = _T_NORMS.get(tokens.one_of(known, "t-norm").text, "product")
     else:
         _setting(key, tokens, place, _OF_RULES)
 

@@ -5,6 +5,8 @@ Of Q, a graph from ``state`` ``[batch, states]`` and ``action`` ``[batch, 1]`` t
 """
 
 import io
+import logging
+import warnings
 from collections.abc import Sequence
 from importlib.util import find_spec
 
@@ -33,8 +35,8 @@ class Output(nn.Module):
         self.register_buffer("consequents", system.consequents.flatten().to(dtype))
 
     def forward(self, state: Tensor) -> Tensor:
-        """The output: ``[batch]`` of ``[batch, inputs]``."""
-        strengths = self._system.strengths(state).flatten(1)
+        """The output: ``[*batch]`` of ``[*batch, inputs]``."""
+        strengths = self._system.strengths(state).flatten(state.ndim - 1)
         total = strengths.sum(-1)
         weighted = (strengths * self.consequents).sum(-1)
         return weighted / total.where(total > 0, 1)
@@ -44,7 +46,7 @@ class Value(Output):
     """Q of an action in a state."""
 
     def forward(self, state: Tensor, action: Tensor) -> Tensor:  # type: ignore[override]
-        """Q: ``[batch]`` of ``[batch, states]`` and ``[batch, 1]``."""
+        """Q: ``[*batch]`` of ``[*batch, states]`` and ``[*batch, 1]``."""
         return super().forward(torch.cat([state, action], dim=-1))
 
 
@@ -65,10 +67,9 @@ class Greedy(nn.Module):
 
     def forward(self, state: Tensor) -> Tensor:
         """The action: ``[batch]`` of ``[batch, states]``."""
-        values = [
-            self._value(state, candidate.expand(len(state), 1)) for candidate in self.candidates
-        ]
-        return self.candidates[torch.stack(values, dim=-1).argmax(-1)]
+        actions = self.candidates.view(1, -1, 1).expand(state.shape[0], -1, -1)
+        values = self._value(state.unsqueeze(1).expand(-1, actions.shape[1], -1), actions)
+        return self.candidates[values.argmax(-1)]
 
 
 def write_pt2(system: FuzzySystem, candidates: Sequence[float], stem: str, floats: bool) -> Files:
@@ -118,26 +119,39 @@ def _of_greedy(system: FuzzySystem, candidates: Sequence[float], floats: bool) -
 def _export(module: nn.Module, inputs: dict[str, Tensor]) -> torch.export.ExportedProgram:
     batch = torch.export.Dim("batch")
     shapes = {name: {0: batch} for name in inputs}
-    with torch.no_grad():
+    with torch.no_grad(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch 2.13 still uses what it has deprecated itself
         return torch.export.export(module.eval(), (), inputs, dynamic_shapes=shapes)
 
 
 def _pt2(module: nn.Module, inputs: dict[str, Tensor], output: str) -> Files:
     data = io.BytesIO()
-    torch.export.save(_export(module, inputs), data)
+    program = _export(module, inputs)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.export.save(program, data)
     return {".pt2": data.getvalue()}
 
 
 def _onnx(module: nn.Module, inputs: dict[str, Tensor], output: str) -> Files:
     if find_spec("onnx") is None or find_spec("onnxscript") is None:
         raise RulesError(".onnx needs a library more: pip install 'fnnq_torchrl[onnx]'")
-    program = torch.onnx.export(
-        _export(module, inputs),
-        kwargs=inputs,
-        input_names=[*inputs],
-        output_names=[output],
-        dynamo=True,
-        verbose=False,
-    )
+    exported = _export(module, inputs)
+    log = logging.getLogger("torch.onnx")
+    level = log.level
+    log.setLevel(logging.ERROR)  # it warns that torchvision isn't installed
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            program = torch.onnx.export(
+                exported,
+                kwargs=inputs,
+                input_names=[*inputs],
+                output_names=[output],
+                dynamo=True,
+                verbose=False,
+            )
+    finally:
+        log.setLevel(level)
     assert program is not None  # which it is with dynamo
     return {".onnx": program.model_proto.SerializeToString()}

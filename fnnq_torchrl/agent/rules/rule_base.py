@@ -132,9 +132,19 @@ class RuleBase(FuzzySystem):
         """
         states = states.to(torch.float64)
         candidates = states.new_tensor(self.candidates)
+        if self.t_norm == "product":  # whose shares factor into those of the state and the action
+            of_states = self._of(self.states).firing(states).flatten(states.ndim - 1)
+            of_actions = self._of((self.action,)).firing(candidates.unsqueeze(-1))
+            numbers = self.consequents.reshape(of_states.shape[-1], -1)
+            return of_states @ (numbers @ of_actions.T)
         each = states.unsqueeze(-2).expand(*states.shape[:-1], len(candidates), -1)
         actions = candidates.expand(each.shape[:-1]).unsqueeze(-1)
         return self.evaluate(torch.cat([each, actions], dim=-1))
+
+    def _of(self, inputs: tuple[Variable, ...]) -> FuzzySystem:
+        """The firing of some of the inputs alone."""
+        zeros = torch.zeros([len(each.labels) for each in inputs], dtype=torch.float64)
+        return FuzzySystem(inputs, self.output, zeros, self.t_norm, self.elsewhere)
 
     def greedy(self, states: Tensor) -> Tensor:
         """The best candidate, the lowest of several: ``[*points]`` of ``[*points, states]``."""

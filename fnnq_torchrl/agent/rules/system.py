@@ -197,6 +197,10 @@ def fit_names(system: FuzzySystem) -> FuzzySystem:
 _KEYWORDS = {
     *("if", "then", "is", "and", "or", "not", "with"),
     *("any", "extremely", "seldom", "somewhat", "very"),  # FuzzyLite's hedges
+    # FuzzyLite's functions, which its C++ library takes a term of that name for
+    *("abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "ceil", "cos", "cosh"),
+    *("eq", "exp", "fabs", "floor", "fmod", "ge", "gt", "le", "log", "log10", "log1p", "lt"),
+    *("max", "min", "neq", "pi", "pow", "round", "sin", "sinh", "sqrt", "tan", "tanh"),
     *("input", "action", "label", "output", "candidates", "t_norm", "elsewhere"),
 }
 

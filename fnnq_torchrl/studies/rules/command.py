@@ -6,7 +6,8 @@
 
 seed=best (or mean, or a run's seed), format=text (or markdown, csv, json),
 controller=full or distilled and export_float=true go with export=, picture=FILE with explain.…,
-record=FILE.csv writes what the run saw and did in its test, own=true imports classes of your own.
+record=FILE.csv writes what the run saw and did in its test, own=true imports classes of your own,
+page=FILE.md writes the distilled controllers' faithfulness into a page.
 """
 
 import sys
@@ -16,6 +17,7 @@ from fnnq_torchrl.agent.rules import RulesError
 from fnnq_torchrl.agent.rules.errors import choices, shown
 from fnnq_torchrl.launch.arguments import read_words
 from fnnq_torchrl.studies.rules.job import BEST, Chosen, Job, choose, read_job
+from fnnq_torchrl.studies.rules.page import write_faithfulness
 from fnnq_torchrl.studies.rules.pictures import draw_explanation
 from fnnq_torchrl.studies.rules.reading import read_run
 from fnnq_torchrl.studies.rules.recording import record
@@ -32,6 +34,7 @@ _KEYS = (
     "export_float",
     "record",
     "picture",
+    "page",
     "own",
     _EXPLAIN,
 )
@@ -75,7 +78,10 @@ def _run(words: dict[str, str]) -> None:
     if "record" in words:
         rows = record(read_run(job, chosen), Path(words["record"]))
         announce(f"written: {words['record']}, {rows:,} steps")
-    if not observation and "export" not in words and "record" not in words:
+    if "page" in words:
+        write_faithfulness(job, Path(words["page"]))
+        announce(f"written: {words['page']}")
+    if not observation and not {"export", "record", "page"} & {*words}:
         say(FORMATS[form](read_run(job, chosen)))
 
 

@@ -1,0 +1,157 @@
+"""The commands that print, draw and take away the rules of a finished job."""
+
+import csv
+import io
+import json
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from fnnq_torchrl import RuleBase, load_rules, plot, rules
+from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.studies.rules.job import choose, read_job
+from fnnq_torchrl.studies.rules.page import BEGIN, END, write_faithfulness
+from fnnq_torchrl.studies.rules.reading import read_run
+from fnnq_torchrl.studies.rules.replay import greedy, replay
+from fnnq_torchrl.training.job import run_job
+from fnnq_torchrl.training.results import read_evaluations
+from fnnq_torchrl.training.weights import load_checkpoint
+from tests.programs import SMALL_WORLD
+
+CONFIG = load_config(
+    "situations=20", "num_seeds=3", "engine=eager", "checkpoint.snapshots=true", *SMALL_WORLD
+)
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("job")
+    run_job(CONFIG, path)
+    return path
+
+
+def run(command: object, monkeypatch: pytest.MonkeyPatch, *words: object) -> int | str | None:
+    monkeypatch.setattr(sys, "argv", ["rules", *map(str, words)])
+    try:
+        command.main()  # type: ignore[attr-defined]
+    except SystemExit as end:
+        return end.code
+    return 0
+
+
+def test_a_replay_is_the_last_evaluation_again(directory: Path) -> None:
+    job = read_job(directory)
+    played = replay(job, job.seeds, job.weights, lambda each: greedy(job, each))
+    last = read_evaluations(directory / "evaluations.csv")
+    assert played.successes.tolist() == last.catches[:, -1].tolist()
+    assert played.counts.sum(0).double().mean(-1).tolist() == last.lengths[:, -1].tolist()
+
+
+def test_a_reading(directory: Path) -> None:
+    job = read_job(directory)
+    reading = read_run(job, choose(job, "1"))
+    weights = load_checkpoint(directory / "checkpoint.pt").weights["weight"]
+    assert torch.equal(reading.chosen.rules.consequents, weights[1].double())
+    assert reading.fired.sum().item() == pytest.approx(reading.steps)
+    states, actions = reading.played.visited()
+    assert torch.allclose(reading.chosen.rules.greedy(states), actions)
+    mean = choose(job, "mean")
+    torch.testing.assert_close(mean.rules.consequents, weights.double().mean(0))
+    torch.testing.assert_close(load_rules(directory).consequents, mean.rules.consequents)
+    assert str(load_rules(directory, 1)) == str(reading.chosen.rules)
+
+
+def test_printed(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = {}
+    for form in ("text", "markdown", "csv", "json"):
+        assert run(rules, monkeypatch, f"run={directory}", "seed=1", f"format={form}") == 0
+        said[form] = capsys.readouterr().out
+    expected = load_rules(directory, 1).table()
+    table = [*csv.DictReader(io.StringIO(said["csv"]))]
+    assert [(row["bearing"], row["steer"]) for row in table] == [
+        (row["bearing"], row["steer"]) for row in expected
+    ]
+    assert [float(row["value"]) for row in table] == [row["value"] for row in expected]
+    assert [row["value"] for row in json.loads(said["json"])["rules"]] == [
+        row["value"] for row in expected
+    ]
+    first = (
+        f"if bearing is far_right and steer is hard_left then value is {expected[0]['value']:.3f}"
+    )
+    assert f"\n  {first}" in said["text"]
+    assert f"\n* {first}" in said["markdown"]
+    assert "| bearing \\ steer | hard_left | left | right | hard_right |" in said["markdown"]
+
+
+def test_explained_exported_and_recorded(
+    directory: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = (f"run={directory}", "seed=0", "explain.bearing=0.3", f"picture={tmp_path / 'e.png'}")
+    assert run(rules, monkeypatch, *words) == 0
+    assert capsys.readouterr().out.startswith("bearing = 0.3: steer ")
+    assert (tmp_path / "e.png").stat().st_size > 0
+    words = (f"run={directory}", "seed=0", f"export={tmp_path / 'q.fll'}")
+    assert run(rules, monkeypatch, *words, f"record={tmp_path / 'd.csv'}") == 0
+    again = RuleBase.read(tmp_path / "q.fll")
+    assert torch.equal(again.consequents, load_rules(directory, 0).consequents)
+    rows = [*csv.DictReader(io.StringIO((tmp_path / "d.csv").read_text()))]
+    assert [*rows[0]] == ["bearing", "steer"]
+    states = torch.tensor([[float(row["bearing"])] for row in rows]).double()
+    actions = torch.tensor([float(row["steer"]) for row in rows]).double()
+    assert torch.allclose(load_rules(directory, 0).greedy(states), actions)
+
+
+def test_drawn(directory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = (f"run={directory}", f"to={tmp_path}", "situation=2", "format=svg")
+    assert run(plot, monkeypatch, *words) == 0
+    drawn = {path.stem: path.read_text() for path in tmp_path.iterdir()}
+    assert set(drawn) == {"memberships", "surface", "consequents", "episode"}
+
+
+@pytest.mark.parametrize(
+    ("command", "words", "said"),
+    [
+        (rules, ["sed=1"], "sed=1: there is no sed; did you mean seed?"),
+        (rules, [], "run=DIR is missing, the directory of a finished job"),
+        (rules, ["run=nowhere"], "nowhere: there is no such directory"),
+        (rules, ["run={}", "seed=9"], "seed=9: must be best, mean or one of 0 to 2"),
+        (rules, ["run={}", "format=tex"], "format='tex': did you mean text?"),
+        (rules, ["run={}", "explain.bearing=x"], "explain.bearing='x': must be a finite number"),
+        (rules, ["run={}", "controller=full"], "controller=full: goes with export=FILE"),
+        (rules, ["run={}", "export=q.xml"], "q.xml: can't be written by its ending; expected .fll"),
+        (plot, ["run={}", "situation=6"], "situation='6': must be a whole number from 1 to 5"),
+    ],
+)
+def test_mistakes_are_one_line(
+    command: object,
+    words: list[str],
+    said: str,
+    directory: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code = run(command, monkeypatch, *(word.format(directory) for word in words))
+    line = capsys.readouterr().err if code == 2 else str(code)
+    assert line.startswith(said)
+    assert "\n" not in line.strip()
+
+
+def test_the_page(directory: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{BEGIN}old\n{END}after\n")
+    write_faithfulness(read_job(directory), page)
+    text = page.read_text()
+    assert text.startswith(f"before\n{BEGIN}Over 3 seeds, ")
+    assert text.endswith(f"{END}after\n")
+    mean = read_evaluations(directory / "evaluations.csv").catches[:, -1].mean()
+    assert f"| best action | {mean:.2f}" in text
+    page.write_text("no marks")
+    with pytest.raises(ValueError, match="has no lines"):
+        write_faithfulness(read_job(directory), page)
