@@ -32,7 +32,9 @@ class Learner:
       ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the step size
       as it has become; ``situations`` and ``steps``, counts of what was learned from; ``diverged``,
       whether |Q| has gone beyond all bounds, which ends the counts; ``over``, whether that is all;
-      ``snapshot``, weights and counts as they were when an evaluation was last due.
+      ``snapshot``, weights and counts as they were when an evaluation was last due; ``fired``,
+      if it is asked for, the sum of ∇Q(s, a) over the steps that it learned from, as the weights:
+      of rules, their firing strengths.
 
     Args:
         env: the world, with the runs as its batch.
@@ -45,6 +47,7 @@ class Learner:
             isn't finite.
         learns: of a network with the single parameter ``weight``, 1 for what learns and 0 for what
             stays as it is, ``[*weights]``; if not given, all learns.
+        count_firing: whether the state has ``fired``.
 
     Raises:
         ValueError: there is no such policy.
@@ -61,6 +64,7 @@ class Learner:
         evaluate_every: int,
         largest_value: float,
         learns: Tensor | None = None,
+        count_firing: bool = False,
     ) -> None:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # every step sets the amount
@@ -69,6 +73,7 @@ class Learner:
         self.evaluate_every = evaluate_every
         self._update = Update(self.loss, rule)
         like = value_network.candidates
+        self._count_firing = count_firing
         self._learns = None if learns is None else learns.unsqueeze(-1).to(like)
         self.largest_value = min(largest_value, torch.finfo(value_network.candidates.dtype).max)
 
@@ -79,6 +84,8 @@ class Learner:
         weights = {name: _copy(weight) for name, weight in start.items()}
         zero = torch.zeros_like(run["seed"])  # cloned wherever it stands: no entry is an alias
         batch = {"batch_size": runs, "device": run.device}
+        fired = {name: torch.zeros_like(weight) for name, weight in weights.items()}
+        counted = {"fired": TensorDict(fired, **batch)} if self._count_firing else {}
         return TensorDict(
             {
                 "world": self.env.start(run["seed"].clone(), zero.clone()),
@@ -97,6 +104,7 @@ class Learner:
                     },
                     **batch,
                 ),
+                **counted,
             },
             **batch,
         )
@@ -130,6 +138,7 @@ class Learner:
             for name, weight in state["weights"].items()
         }
         alpha = decayed(alpha, per_run(run["alpha_decay"]), per_run(after["success"]))
+        counted = {"fired": self._fired(state, slope)} if self._count_firing else {}
         return TensorDict(
             {
                 "world": self.env.restart(after),
@@ -137,6 +146,7 @@ class Learner:
                 "trace": trace,
                 "alpha": alpha.unsqueeze(-1),
                 **self._counts(run, state, transition, weights),
+                **counted,
             },
             batch_size=state.batch_size,
             device=state.device,
@@ -171,6 +181,16 @@ class Learner:
                 }
             ),
         }
+
+    def _fired(self, state: TensorDictBase, slope: Weights) -> TensorDict:
+        """Return the sums after a step; those of a run that is over stay as they are."""
+        goes_on = per_run(state["over"].logical_not())
+        return TensorDict(
+            {
+                name: runs_first(runs_last(fired) + goes_on * runs_last(slope[name]))
+                for name, fired in state["fired"].items()
+            }
+        )
 
     def _beyond(self, action_value: Tensor) -> Tensor:
         """Return whether a |Q| is larger than any may be, or not a number: bool ``[runs, 1]``."""

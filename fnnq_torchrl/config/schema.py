@@ -164,6 +164,11 @@ class Config(Parameters):
         yield from self._misfits_of_the_world()
 
     @property
+    def counts_firing(self) -> bool:
+        """Whether rules' firing strengths are added up while they learn."""
+        return self.rules is not None and self.rules.count_firing
+
+    @property
     def frozen_rules(self) -> list[tuple[int | None, ...]]:
         """The rules that don't learn, by :meth:`.RulesConfig.frozen_rules`."""
         value = self.value

@@ -9,13 +9,16 @@ from pathlib import Path
 
 import torch
 from tensordict import TensorDictBase
+from torch import Tensor
 
 from envs.core.contract import check_world
 from envs.core.registry import is_own
 from envs.worlds import make_world
+from fnnq_torchrl.agent.rules import partition
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
 from fnnq_torchrl.files.atomic import clear_leftovers
 from fnnq_torchrl.training.batch import Batch
+from fnnq_torchrl.training.firing import FIRING, write_firing
 from fnnq_torchrl.training.jobs import SNAPSHOTS, Job, JobFailed
 from fnnq_torchrl.training.loggers import Loggers
 from fnnq_torchrl.training.memory import check_memory
@@ -47,7 +50,7 @@ _NAMED = 5
 def run_job(config: Config, directory: Path) -> float:
     """Train all runs of a job and say what came of it.
 
-    Leaves ``checkpoint.pt``, ``snapshots.pt`` if it is to, ``evaluations.csv``,
+    Leaves ``checkpoint.pt``, ``snapshots.pt`` and ``firing.csv`` if it is to, ``evaluations.csv``,
     ``learning_curve.png`` and, last of all, ``summary.json`` in the directory, and a table on the
     screen.
 
@@ -166,7 +169,9 @@ def _run_batch(
         job, (begin, end) = job_and_bounds
         runs = slice(begin, end)
         try:
-            return _write(job, outcome.of(runs), trainer.ledger.book.pages[:, runs], pictures)
+            ledger = trainer.ledger
+            fired = None if ledger.fired is None else ledger.fired[runs]
+            return _write(job, outcome.of(runs), ledger.book.pages[:, runs], fired, pictures)
         except OSError as error:
             return error
         except ValueError as error:  # a score that is no number
@@ -211,10 +216,12 @@ def _train(trainer: Trainer, saved: SavedTraining, interruptions: Interruptions)
     return outcome
 
 
-def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) -> float:
+def _write(
+    job: Job, outcome: Outcome, pages: TensorDictBase, fired: Tensor | None, pictures: bool
+) -> float:
     directory, config = job.directory, job.config
     evaluations = directory / "evaluations.csv"
-    for name in ("summary.json", SNAPSHOTS, PICTURE):  # an earlier one isn't of these files
+    for name in ("summary.json", SNAPSHOTS, FIRING, PICTURE):  # an earlier one isn't of these files
         (directory / name).unlink(missing_ok=True)
     settings = asdict(config)
     del settings["logger"]  # which has no say in the weights, and may not be there where they go
@@ -222,6 +229,9 @@ def _write(job: Job, outcome: Outcome, pages: TensorDictBase, pictures: bool) ->
     save_checkpoint(directory / "checkpoint.pt", weights[-1], *runs)
     if config.checkpoint.snapshots:
         save_snapshots(directory / SNAPSHOTS, weights, outcome.situations, *runs)
+    if fired is not None:
+        variables = partition(config.value, config.env)
+        write_firing(directory / FIRING, outcome.seed.tolist(), fired, variables)
     write_evaluations(evaluations, outcome)
     if pictures:
         learning_curve(evaluations, directory / PICTURE, config.best_score, outcome.measure)

@@ -63,7 +63,14 @@ class Trainer:
         self.situations_to_learn = len(runs) * config.situations
         self.situations_to_play = len(runs) * evaluations * tests
         weights = self._value_network(runs=1).start(self.run["seed"])
-        self.ledger = Ledger(runs, weights, config.evaluation.every, evaluations, tests)
+        self.ledger = Ledger(
+            runs,
+            weights,
+            config.evaluation.every,
+            evaluations,
+            tests,
+            count_firing=config.counts_firing,
+        )
 
     @classmethod
     def of(cls, config: Config) -> Self:
@@ -95,6 +102,7 @@ class Trainer:
             evaluate_every=config.evaluation.every,
             largest_value=config.largest_value,
             learns=None if self._start is None else self._start.learns,
+            count_firing=config.counts_firing,
         )
 
     @torch.no_grad()

@@ -24,6 +24,8 @@ class Ledger:
         diverged: whether a run had diverged when an evaluation was due, bool ``[evaluations,
             runs]``. Such an evaluation is not played.
         hands: runs that had begun to learn when this was saved, and their states then.
+        fired: each rule's firing strength, summed over the steps that its run learned from,
+            ``[runs, *weights]``; none if that isn't counted.
         results: of the test (:func:`fnnq_torchrl.training.evaluation.no_results`), batch size
             ``[evaluations, runs, tests]``.
         seconds: by ``train``, ``compile`` and ``evaluate``; what compiling takes is in it alone.
@@ -34,6 +36,7 @@ class Ledger:
         every: situations from one evaluation to the next.
         evaluations: how many there are, the one before learning included.
         tests: situations in each.
+        count_firing: whether there is ``fired``.
     """
 
     def __init__(
@@ -43,14 +46,17 @@ class Ledger:
         every: int,
         evaluations: int,
         tests: int,
+        *,
+        count_firing: bool = False,
     ) -> None:
         self._bits = torch.from_numpy(runs.bits)
         self.book = SnapshotBook(weights, every, evaluations)
         self.learned = torch.zeros(len(runs), dtype=torch.int64)
         self.diverged = torch.zeros(evaluations, len(runs), dtype=torch.bool)
         self.hands: Sequence[Hand] = ()
-        dtype = next(iter(weights.values())).dtype
-        self.results = no_results(evaluations, len(runs), tests, dtype)
+        first = next(iter(weights.values()))
+        self.fired = torch.zeros(first.shape, dtype=first.dtype) if count_firing else None
+        self.results = no_results(evaluations, len(runs), tests, first.dtype)
         self.seconds: dict[str, float] = {"train": 0.0, "compile": 0.0, "evaluate": 0.0}
         self._running: list[str] = []
         self._since = 0.0
@@ -108,6 +114,7 @@ class Ledger:
             "collected": self.book.collected,
             "learned": self.learned,
             "diverged": self.diverged,
+            "fired": self.fired,
             "hands": [(jobs, state.to_dict()) for jobs, state in hands],
             "results": self.results.to_dict(),
             "seconds": dict(self.seconds),
@@ -137,6 +144,8 @@ class Ledger:
         self.book.collected.copy_(saved["collected"][rows])
         self.learned.copy_(saved["learned"][rows])
         self.diverged.copy_(saved["diverged"][:, rows])
+        if self.fired is not None:
+            self.fired.copy_(saved["fired"][rows])
         place = torch.full((runs,), -1).index_copy(0, rows, torch.arange(len(rows)))
         self.hands = [
             (place[jobs][here], TensorDict(state, jobs.shape)[here].to(pages.device))
