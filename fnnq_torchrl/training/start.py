@@ -75,7 +75,7 @@ def read_start(config: Config) -> Start | None:
         network = make_value_network(config.value, candidates, 1)
         Start(consequents, None, "", "").put_into(network)
         imitation = imitate(network, demonstrations, margin=rules.margin, learns=learns)
-        consequents = imitation.weights.squeeze(0)
+        consequents = _hopeful(consequents, imitation.weights.squeeze(0), learns, rules.margin)
         told = (
             f"imitation: the best action is the operator's in {imitation.agreement:.0%} of "
             f"{len(demonstrations.actions):,} steps, and {imitation.mean_difference:.2f} from it "
@@ -92,6 +92,19 @@ def _learns(config: Config, consequents: Tensor) -> Tensor | None:
     for places in frozen:
         learns[tuple(slice(None) if place is None else place for place in places)] = 0
     return learns
+
+
+def _hopeful(before: Tensor, fitted: Tensor, learns: Tensor | None, margin: float) -> Tensor:
+    """Have the best action label of each state be worth the margin, as in a told controller.
+
+    A number that is added to all rules of a state changes no choice, so that an operator has no
+    say in it; but values that are too low make learning turn away from what was imitated. States
+    of which something was known before, or where a rule stays, are left as they are.
+    """
+    free = (before == 0).all(-1, keepdim=True)
+    if learns is not None:
+        free &= learns.bool().all(-1, keepdim=True)
+    return torch.where(free, fitted + margin - fitted.amax(-1, keepdim=True), fitted)
 
 
 def _find(key: str, name: str) -> Path:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -10,7 +11,7 @@ from fnnq_torchrl.agent.rules.errors import RulesError
 from fnnq_torchrl.agent.rules.formats import read_system, read_text
 from fnnq_torchrl.agent.rules.partition import Variable
 from fnnq_torchrl.agent.rules.sentences import read_knowledge
-from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_names
+from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_words
 
 
 def read_prior(path: Path, variables: Sequence[Variable], margin: float) -> Tensor:
@@ -59,7 +60,7 @@ def from_system(
         raise RulesError(f"{name}: its t-norm is {system.t_norm}, the network's is product")
     if _same(system, variables):
         return system.consequents.clone()
-    if system.output == action.name and _same(system, states):
+    if fit_words([system.output]) == fit_words([action.name]) and _same(system, states):
         actions = {
             tuple(labels): float(system.consequents[tuple(labels)])
             for labels in _places(system.consequents)
@@ -102,12 +103,17 @@ def _places(consequents: Tensor) -> list[list[int]]:
 
 
 def _same(system: FuzzySystem, variables: Sequence[Variable]) -> bool:
-    """Whether a system has these inputs, by the names that the formats can hold."""
-    if system.same_partition(variables):
-        return True
-    zeros = torch.zeros([len(variable.labels) for variable in variables])
-    fitted = fit_names(FuzzySystem(tuple(variables), system.output, zeros))
-    return system.same_partition(fitted.inputs)
+    """Whether a system has these inputs, by the names that every format can hold."""
+    return _fitted(system.inputs) == _fitted(variables)
+
+
+def _fitted(variables: Sequence[Variable]) -> list[Any]:
+    names = fit_words([variable.name for variable in variables])
+    memberships = [
+        [(label.kind, label.parameters) for label in variable.labels] for variable in variables
+    ]
+    labels = [fit_words(variable.names) for variable in variables]
+    return [*zip(names, labels, memberships, strict=True)]
 
 
 def _difference(system: FuzzySystem, variables: Sequence[Variable]) -> str:
