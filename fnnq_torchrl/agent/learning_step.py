@@ -33,8 +33,8 @@ class Learner:
       as it has become; ``situations`` and ``steps``, counts of what was learned from; ``diverged``,
       whether |Q| has gone beyond all bounds, which ends the counts; ``over``, whether that is all;
       ``snapshot``, weights and counts as they were when an evaluation was last due; ``fired``,
-      if it is asked for, the sum of ∇Q(s, a) over the steps that it learned from, as the weights:
-      of rules, their firing strengths.
+      if it is asked for, the rules' firing strengths, which are ∂Q(s, a)/∂w, summed over the steps
+      that it learned from.
 
     Args:
         env: the world, with the runs as its batch.
@@ -45,9 +45,10 @@ class Learner:
         evaluate_every: situations from one evaluation to the next.
         largest_value: a run with a larger |Q| than this has diverged; with infinity, one whose Q
             isn't finite.
-        learns: of a network with the single parameter ``weight``, 1 for what learns and 0 for what
-            stays as it is, ``[*weights]``; if not given, all learns.
-        count_firing: whether the state has ``fired``.
+        learns: by the names of the network's parameters, 1 for what learns and 0 for what stays as
+            it is, ``[*weights]``; what isn't named learns.
+        count_firing: whether the state has ``fired``; for a network whose parameter ``weight`` has
+            the rules' consequents.
 
     Raises:
         ValueError: there is no such policy.
@@ -63,7 +64,7 @@ class Learner:
         exploration: str,
         evaluate_every: int,
         largest_value: float,
-        learns: Tensor | None = None,
+        learns: Mapping[str, Tensor] | None = None,
         count_firing: bool = False,
     ) -> None:
         self.env = env
@@ -72,9 +73,10 @@ class Learner:
         self.step_size = step_size
         self.evaluate_every = evaluate_every
         self._update = Update(self.loss, rule)
-        like = value_network.candidates
         self._count_firing = count_firing
-        self._learns = None if learns is None else learns.unsqueeze(-1).to(like)
+        like = value_network.candidates
+        masks = (learns or {}).items()
+        self._learns = {name: mask.unsqueeze(-1).to(like) for name, mask in masks}
         self.largest_value = min(largest_value, torch.finfo(value_network.candidates.dtype).max)
 
     def begin(self, run: TensorDictBase) -> TensorDict:
@@ -84,8 +86,7 @@ class Learner:
         weights = {name: _copy(weight) for name, weight in start.items()}
         zero = torch.zeros_like(run["seed"])  # cloned wherever it stands: no entry is an alias
         batch = {"batch_size": runs, "device": run.device}
-        fired = {name: torch.zeros_like(weight) for name, weight in weights.items()}
-        counted = {"fired": TensorDict(fired, **batch)} if self._count_firing else {}
+        counted = {"fired": torch.zeros_like(weights["weight"])} if self._count_firing else {}
         return TensorDict(
             {
                 "world": self.env.start(run["seed"].clone(), zero.clone()),
@@ -131,10 +132,9 @@ class Learner:
                 partial(self._error_slope, state["weights"], run["gamma"], slope, after),
             ),
         )
-        if self._learns is not None:
-            step = step * self._learns
+        steps = {name: step * learns for name, learns in self._learns.items()}
         weights = {
-            name: runs_first(runs_last(weight) + step * runs_last(direction[name]))
+            name: runs_first(runs_last(weight) + steps.get(name, step) * runs_last(direction[name]))
             for name, weight in state["weights"].items()
         }
         alpha = decayed(alpha, per_run(run["alpha_decay"]), per_run(after["success"]))
@@ -182,15 +182,10 @@ class Learner:
             ),
         }
 
-    def _fired(self, state: TensorDictBase, slope: Weights) -> TensorDict:
+    def _fired(self, state: TensorDictBase, slope: Weights) -> Tensor:
         """Return the sums after a step; those of a run that is over stay as they are."""
         goes_on = per_run(state["over"].logical_not())
-        return TensorDict(
-            {
-                name: runs_first(runs_last(fired) + goes_on * runs_last(slope[name]))
-                for name, fired in state["fired"].items()
-            }
-        )
+        return runs_first(runs_last(state["fired"]) + goes_on * runs_last(slope["weight"]))
 
     def _beyond(self, action_value: Tensor) -> Tensor:
         """Return whether a |Q| is larger than any may be, or not a number: bool ``[runs, 1]``."""

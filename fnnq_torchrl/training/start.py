@@ -37,6 +37,11 @@ class Start:
     digest: str
     told: str
 
+    @property
+    def masks(self) -> dict[str, Tensor]:
+        """``learns`` by the name of the network's parameter; empty if all learn."""
+        return {} if self.learns is None else {"weight": self.learns}
+
     def put_into(self, network: ValueNetwork) -> None:
         """Have the network's runs start from here."""
         with torch.no_grad():

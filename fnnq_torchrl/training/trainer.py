@@ -101,7 +101,7 @@ class Trainer:
             exploration=config.exploration,
             evaluate_every=config.evaluation.every,
             largest_value=config.largest_value,
-            learns=None if self._start is None else self._start.learns,
+            learns=None if self._start is None else self._start.masks,
             count_firing=config.counts_firing,
         )
 

@@ -29,6 +29,7 @@ CHOICES = {
     path: f"{'+' * (path.parent.name == 'experiment')}{path.parent}={path.stem}"
     for path in sorted(FILES - {Path("config.yaml"), Path("action/all.yaml")})
     if path.parent != Path("value/labels")  # which a task chooses
+    if path.suffix == ".yaml"
 }
 
 EVERY_LOGGER = "logger=[csv,wandb,tensorboard,mlflow]"

@@ -54,9 +54,9 @@ class Ledger:
         self.learned = torch.zeros(len(runs), dtype=torch.int64)
         self.diverged = torch.zeros(evaluations, len(runs), dtype=torch.bool)
         self.hands: Sequence[Hand] = ()
-        first = next(iter(weights.values()))
-        self.fired = torch.zeros(first.shape, dtype=first.dtype) if count_firing else None
-        self.results = no_results(evaluations, len(runs), tests, first.dtype)
+        dtype = next(iter(weights.values())).dtype
+        self.fired = torch.zeros(weights["weight"].shape, dtype=dtype) if count_firing else None
+        self.results = no_results(evaluations, len(runs), tests, dtype)
         self.seconds: dict[str, float] = {"train": 0.0, "compile": 0.0, "evaluate": 0.0}
         self._running: list[str] = []
         self._since = 0.0
