@@ -14,7 +14,9 @@ from fnnq_torchrl.agent.rules.sentences import read_knowledge
 from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_words
 
 
-def read_prior(path: Path, variables: Sequence[Variable], margin: float) -> Tensor:
+def read_prior(
+    path: Path, variables: Sequence[Variable], margin: float, t_norm: str = "product"
+) -> Tensor:
     """Read what a file says of the rules of a network.
 
     It may hold a whole rule base of values or a whole controller, in any readable format, or some
@@ -25,6 +27,7 @@ def read_prior(path: Path, variables: Sequence[Variable], margin: float) -> Tens
         path: the file.
         variables: the network's state inputs and, last, the action.
         margin: as of :func:`preferences`.
+        t_norm: the network's.
 
     Returns:
         The consequents, float64 ``[labels of input 1, …, action labels]``; 0 where it says nothing.
@@ -34,16 +37,20 @@ def read_prior(path: Path, variables: Sequence[Variable], margin: float) -> Tens
         RulesError: it can't be read by its ending, has a mistake, or is about other labels.
     """
     if path.suffix.lower() == ".txt":
-        known = read_knowledge(read_text(path), str(path), variables)
+        known = read_knowledge(read_text(path), str(path), variables, t_norm)
         consequents = preferences(variables, known.actions, margin)
         for labels, value in known.values.items():
             consequents[labels] = value
         return consequents
-    return from_system(read_system(path)[0], variables, margin, str(path))
+    return from_system(read_system(path)[0], variables, margin, str(path), t_norm)
 
 
 def from_system(
-    system: FuzzySystem, variables: Sequence[Variable], margin: float, name: str
+    system: FuzzySystem,
+    variables: Sequence[Variable],
+    margin: float,
+    name: str,
+    t_norm: str = "product",
 ) -> Tensor:
     """The consequents of a whole rule base or controller, if it has a network's labels.
 
@@ -51,13 +58,14 @@ def from_system(
         system: of values, whose last input is the action, or a controller, whose output it is.
         variables, margin: as of :func:`read_prior`.
         name: where it comes from, for messages.
+        t_norm: the network's.
 
     Raises:
         RulesError: it has other inputs, labels, memberships or another t-norm.
     """
     *states, action = variables
-    if system.t_norm != "product":
-        raise RulesError(f"{name}: its t-norm is {system.t_norm}, the network's is product")
+    if system.t_norm != t_norm:
+        raise RulesError(f"{name}: its t-norm is {system.t_norm}, the network's is {t_norm}")
     if _same(system, variables):
         return system.consequents.clone()
     if fit_words([system.output]) == fit_words([action.name]) and _same(system, states):

@@ -106,13 +106,16 @@ class Knowledge:
     actions: dict[tuple[int, ...], float]
 
 
-def read_knowledge(text: str, file: str, variables: Sequence[Variable]) -> Knowledge:
+def read_knowledge(
+    text: str, file: str, variables: Sequence[Variable], t_norm: str = "product"
+) -> Knowledge:
     """Read rules of known words, of values and of what to do, as many as there are.
 
     Args:
         text: the file's; if it defines words, it must define the same.
         file: its name, for messages.
         variables: the state inputs and, last, the action.
+        t_norm: the network's.
 
     Raises:
         RulesError: the place, and what is wrong there: an unknown word, a rule that is there
@@ -127,6 +130,10 @@ def read_knowledge(text: str, file: str, variables: Sequence[Variable]) -> Knowl
         # A distilled controller's file has no action among its inputs.
         if len(given) not in (len(wanted), len(wanted) - 1):
             raise definitions.places[-1].error("another partition, with other variables")
+        if definitions.t_norm != t_norm:
+            raise Place(file, 1).error(
+                f"its t_norm is {definitions.t_norm}, the network's {t_norm}"
+            )
     *states, action = variables
     values, actions = Grid(variables), Grid(states)
     for tokens in rules:

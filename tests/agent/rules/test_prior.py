@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from fnnq_torchrl.agent.rules import Label, RuleBase, RulesError, Variable
+from fnnq_torchrl.agent.rules import Label, RuleBase, RulesError, Variable, sentences
 from fnnq_torchrl.agent.rules.prior import preferences, read_prior
 from tests.rule_bases import paper
 
@@ -78,6 +78,12 @@ def test_a_whole_rule_base_of_any_format(tmp_path: Path, ending: str) -> None:
     assert torch.equal(read_prior(path, VARIABLES, 0.5), preferences(VARIABLES, told, 0.5))
 
 
+DEFINED = [
+    line for line in sentences.write(paper()).splitlines() if not line.startswith(("if", "t_norm"))
+]
+"""The definitions of the network's own words."""
+
+
 @pytest.mark.parametrize(
     ("text", "place", "words"),
     [
@@ -90,6 +96,7 @@ def test_a_whole_rule_base_of_any_format(tmp_path: Path, ending: str) -> None:
         ("if bearing is left then steer left\nif bearing is left then steer left", "2:1",
          "is there twice, of line 1"),
         ("if bearing is left and steer is left then value is much", "1:52", "expected a number"),
+        ("\n".join([*DEFINED, "t_norm minimum"]), "1:1", "its t_norm is minimum"),
         ("input bearing from -1 to 1\nlabel left gaussian 0 1", "1:1", "another partition"),
     ],
 )  # fmt: skip
