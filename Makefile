@@ -13,7 +13,7 @@ SB3 := benchmarks/peers/.venv
 FOREIGN := tests/foreign/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules simulator test foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules prior simulator test foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -46,6 +46,10 @@ extrapolation: install  ## docs/extrapolation.md: value functions at bearings th
 rules: install  ## docs/rules.md: do distilled controllers catch what the learned ones catch, over 1,000 seeds?
 	$(EXPERIMENT) num_seeds=$(SEEDS) hydra.run.dir=outputs/rules
 	$(BIN)/python -m fnnq_torchrl.rules run=outputs/rules page=docs/rules.md
+
+prior: install  ## docs/prior.md: what prior knowledge does to learning, over 1,000 seeds (takes three minutes)
+	$(EXPERIMENT) +experiment=prior
+	$(BIN)/python -m fnnq_torchrl.prior
 
 simulator: install  ## docs/simulator.md: what is learned among obstacles, over 100 seeds (takes some minutes)
 	$(EXPERIMENT) +experiment=simulator

@@ -33,7 +33,8 @@ class Learner:
       step size; ``situations`` and ``steps``, the numbers of those learned from so far;
       ``diverged``, whether |Q| has become too large, after which the run counts no more steps;
       ``over``, whether the run has ended; and ``snapshot``, the weights and counts at the time
-      when an evaluation was last due.
+      when an evaluation was last due; and, if counted, ``fired``, the rules' firing strengths
+      ∂Q(s, a)/∂w, summed over the steps that the run has learned from.
 
     Args:
         env: the world, with the runs as its batch.
@@ -44,6 +45,10 @@ class Learner:
         evaluate_every: the number of situations from one evaluation to the next.
         largest_value: the |Q| above which a run has diverged. Infinity means that only a run
             whose Q isn't finite has diverged.
+        learns: 1 for weights that learn and 0 for those that don't, ``[*weights]``, by the names of
+            the network's parameters. Parameters without an entry learn.
+        count_firing: add up ``fired``; for a network whose parameter ``weight`` holds the rules'
+            consequents.
 
     Raises:
         ValueError: if there is no such policy.
@@ -59,6 +64,8 @@ class Learner:
         exploration: str,
         evaluate_every: int,
         largest_value: float,
+        learns: Mapping[str, Tensor] | None = None,
+        count_firing: bool = False,
     ) -> None:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # `step` sets the amount
@@ -66,6 +73,10 @@ class Learner:
         self.step_size = step_size
         self.evaluate_every = evaluate_every
         self._update = Update(self.loss, rule)
+        self._count_firing = count_firing
+        like = value_network.candidates
+        masks = (learns or {}).items()
+        self._learns = {name: mask.unsqueeze(-1).to(like) for name, mask in masks}
         self.largest_value = min(largest_value, torch.finfo(value_network.candidates.dtype).max)
 
     def begin(self, run: TensorDictBase) -> TensorDict:
@@ -75,6 +86,7 @@ class Learner:
         weights = {name: _copy(weight) for name, weight in start.items()}
         zero = torch.zeros_like(run["seed"])  # cloned, because entries must not share memory
         batch = {"batch_size": runs, "device": run.device}
+        counted = {"fired": torch.zeros_like(weights["weight"])} if self._count_firing else {}
         return TensorDict(
             {
                 "world": self.env.start(run["seed"].clone(), zero.clone()),
@@ -93,6 +105,7 @@ class Learner:
                     },
                     **batch,
                 ),
+                **counted,
             },
             **batch,
         )
@@ -120,11 +133,13 @@ class Learner:
                 partial(self._error_slope, state["weights"], run["gamma"], slope, after),
             ),
         )
+        steps = {name: step * learns for name, learns in self._learns.items()}
         weights = {
-            name: runs_first(runs_last(weight) + step * runs_last(direction[name]))
+            name: runs_first(runs_last(weight) + steps.get(name, step) * runs_last(direction[name]))
             for name, weight in state["weights"].items()
         }
         alpha = decayed(alpha, per_run(run["alpha_decay"]), per_run(after["success"]))
+        counted = {"fired": self._fired(state, slope)} if self._count_firing else {}
         return TensorDict(
             {
                 "world": self.env.restart(after),
@@ -132,6 +147,7 @@ class Learner:
                 "trace": trace,
                 "alpha": alpha.unsqueeze(-1),
                 **self._counts(run, state, transition, weights),
+                **counted,
             },
             batch_size=state.batch_size,
             device=state.device,
@@ -166,6 +182,11 @@ class Learner:
                 }
             ),
         }
+
+    def _fired(self, state: TensorDictBase, slope: Weights) -> Tensor:
+        """Return the sums after a step; those of a run that is over stay as they are."""
+        goes_on = per_run(state["over"].logical_not())
+        return runs_first(runs_last(state["fired"]) + goes_on * runs_last(slope["weight"]))
 
     def _beyond(self, action_value: Tensor) -> Tensor:
         """Return whether any |Q| of a run exceeds ``largest_value`` or is NaN, ``[runs, 1]``."""

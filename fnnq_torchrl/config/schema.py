@@ -26,8 +26,9 @@ from envs.core.parameters import (
 from envs.core.world import WorldConfig
 from envs.schemas import SCHEMAS as WORLDS
 from fnnq_torchrl.config.loggers import LoggerConfig
+from fnnq_torchrl.config.rules import RulesConfig
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
-from fnnq_torchrl.config.values import ValueConfig
+from fnnq_torchrl.config.values import LabelsConfig, ValueConfig
 from fnnq_torchrl.equations.names import EXPLORATIONS, STEP_SIZES, TRACES, VARIANTS
 
 __all__ = [
@@ -127,6 +128,7 @@ class Config(Parameters):
     evaluation: EvaluationConfig
     machine: MachineConfig
     checkpoint: CheckpointConfig
+    rules: RulesConfig | None = None  # for jobs older than this key
     logger: LoggerConfig = field(default_factory=LoggerConfig)  # no logger chosen
 
     def __post_init__(self) -> None:
@@ -158,7 +160,35 @@ class Config(Parameters):
             yield OutOfRange("seed", self.seed, highest)
         for misfit in self.value.misfits(self.env):
             yield OutOfRange(f"value.{misfit.key}", misfit.value, misfit.allowed)
+        yield from self._misfits_of_the_rules()
         yield from self._misfits_of_the_world()
+
+    @property
+    def counts_firing(self) -> bool:
+        """Whether rules' firing strengths are added up while they learn."""
+        return self.rules is not None and self.rules.count_firing
+
+    @property
+    def frozen_rules(self) -> list[tuple[int | None, ...]]:
+        """The rules that don't learn, by :meth:`.RulesConfig.frozen_rules`."""
+        value = self.value
+        if self.rules is None or not self.rules.frozen or not isinstance(value, LabelsConfig):
+            return []
+        labels = {**value.inputs, self.env.action_name: value.action}
+        return self.rules.frozen_rules(
+            [value.names_of(name, len(pairs)) for name, pairs in labels.items()]
+        )
+
+    def _misfits_of_the_rules(self) -> Iterator[OutOfRange]:
+        """Yield what is said of rules where there are none, or none of these."""
+        if self.rules is not None and self.rules.used and self.value.kind != "fnnq":
+            allowed = "fnnq, which has rules, where rules.… is given"
+            yield OutOfRange("value.kind", self.value.kind, allowed)
+            return
+        try:
+            _ = self.frozen_rules
+        except OutOfRange as misfit:
+            yield misfit
 
     def _misfits_of_the_world(self) -> Iterator[OutOfRange]:
         """Yield an error for each action setting or start that the world doesn't have."""

@@ -140,7 +140,9 @@ def _store(config: Config, task: str) -> None:
             defaults.append(default)
             continue
         [(group, choice)] = default.items()
-        if isinstance(values.get(group), dict):
+        if group in values and values[group] is None:  # an older job: as by default
+            del values[group]
+        elif isinstance(values.get(group), dict):
             store.store(group=group, name=SAVED, node=values.pop(group))
             choice = SAVED
         elif group == "task":

@@ -13,7 +13,14 @@ from fnnq_torchrl.config.checking import flat, to_config
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.training.results import Evaluations, read_evaluations
 
-HOW_IT_RUNS = ("engine", "machine.device", "resume", "checkpoint.every_s", "checkpoint.snapshots")
+HOW_IT_RUNS = (
+    "engine",
+    "machine.device",
+    "resume",
+    "checkpoint.every_s",
+    "checkpoint.snapshots",
+    "rules.count_firing",
+)
 """Keys of the configuration that don't change a job's results."""
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from fnnq_torchrl.config.runs import Runs
 from fnnq_torchrl.engine.choice import choose_engine
 from fnnq_torchrl.training.jobs import Job
+from fnnq_torchrl.training.start import Start, read_start
 from fnnq_torchrl.training.terminal import line_label
 
 
@@ -38,6 +39,15 @@ class Batch:
         self.size = sum(job.config.num_seeds for job in jobs)
         self.engine = choose_engine(self.config, self.size)
         self.directory: Path = jobs[-1].directory
+
+    @cached_property
+    def start(self) -> Start | None:
+        """Where learning starts, if not at the value network's own start.
+
+        Raises:
+            ConfigError, OSError: as in :func:`.read_start`.
+        """
+        return read_start(self.config)
 
     @cached_property
     def runs(self) -> Runs:

@@ -9,14 +9,17 @@ from pathlib import Path
 
 import torch
 from tensordict import TensorDictBase
+from torch import Tensor
 
 from envs.core.contract import check_world
 from envs.core.registry import is_own
 from envs.worlds import make_world
+from fnnq_torchrl.agent.rules import partition
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
 from fnnq_torchrl.files.atomic import clear_leftovers
 from fnnq_torchrl.training.batch import Batch
 from fnnq_torchrl.training.drawing import draw_job
+from fnnq_torchrl.training.firing import FIRING, write_firing
 from fnnq_torchrl.training.jobs import PICTURE, SNAPSHOTS, Job, JobFailed
 from fnnq_torchrl.training.loggers import Loggers
 from fnnq_torchrl.training.memory import check_memory
@@ -46,8 +49,8 @@ def run_job(config: Config, directory: Path) -> float:
     """Train all runs of a job, write its files and print its table.
 
     The files are written in this order: ``checkpoint.pt``, ``snapshots.pt`` (only with
-    ``checkpoint.snapshots=true``), ``evaluations.csv``, ``summary.json``, ``learning_curve.png``
-    (unless drawing fails).
+    ``checkpoint.snapshots=true``), ``firing.csv`` (only with ``rules.count_firing=true``),
+    ``evaluations.csv``, ``summary.json``, ``learning_curve.png`` (unless drawing fails).
 
     Returns:
         The mean score over the runs, which is the job's objective.
@@ -162,8 +165,10 @@ def _check(batch: Batch) -> None:
 def _run_batch(
     batch: Batch, saved: SavedTraining, pictures: bool, interruptions: Interruptions
 ) -> list[float | Exception]:
-    trainer = Trainer(batch.config, batch.runs, batch.engine)
+    trainer = Trainer(batch.config, batch.runs, batch.engine, batch.start)
     announce(batch.label + batch.engine.why)
+    if batch.start is not None and batch.start.told:
+        announce(batch.label + batch.start.told)
     outcome = _train(batch, trainer, saved, interruptions)
     _announce_diverged(batch, outcome)
     bounds = accumulate((job.config.num_seeds for job in batch.jobs), initial=0)
@@ -173,7 +178,9 @@ def _run_batch(
         job, (begin, end) = job_and_bounds
         runs = slice(begin, end)
         try:
-            return _write(job, outcome.of(runs), trainer.ledger.book.pages[:, runs])
+            ledger = trainer.ledger
+            fired = None if ledger.fired is None else ledger.fired[runs]
+            return _write(job, outcome.of(runs), ledger.book.pages[:, runs], fired)
         except OSError as error:
             return error
         except ValueError as error:  # a score that is NaN or infinite
@@ -225,9 +232,9 @@ def _train(
     return outcome
 
 
-def _write(job: Job, outcome: Outcome, pages: TensorDictBase) -> float:
+def _write(job: Job, outcome: Outcome, pages: TensorDictBase, fired: Tensor | None) -> float:
     directory, config = job.directory, job.config
-    for name in ("summary.json", SNAPSHOTS, PICTURE):  # files of earlier runs
+    for name in ("summary.json", SNAPSHOTS, FIRING, PICTURE):  # files of earlier runs
         (directory / name).unlink(missing_ok=True)
     settings = asdict(config)
     del settings["logger"]  # no weight depends on it; its library may be missing
@@ -235,6 +242,9 @@ def _write(job: Job, outcome: Outcome, pages: TensorDictBase) -> float:
     save_checkpoint(directory / "checkpoint.pt", weights[-1], *runs)
     if config.checkpoint.snapshots:
         save_snapshots(directory / SNAPSHOTS, weights, outcome.situations, *runs)
+    if fired is not None:
+        variables = partition(config.value, config.env)
+        write_firing(directory / FIRING, outcome.seed.tolist(), fired, variables)
     write_evaluations(directory / "evaluations.csv", outcome)
     summary = summarise(outcome, Score.of(config).bounds)
     write_summary(directory / "summary.json", summary)

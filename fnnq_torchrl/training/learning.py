@@ -57,6 +57,8 @@ class Learning:
     def collect(self, jobs: Tensor, state: TensorDictBase) -> Tensor:
         self._ledger.book.collect(jobs, state)
         busy, learned = jobs >= 0, self._ledger.learned
+        if self._ledger.fired is not None:
+            self._ledger.fired[jobs[busy]] = state["fired"].cpu()[busy]
         situations = state["situations"].squeeze(-1).cpu()[busy]
         learned[jobs[busy]] = situations.minimum(self._situations[jobs[busy]])
         diverged = busy & state["diverged"].squeeze(-1).cpu()

@@ -22,6 +22,7 @@ from fnnq_torchrl.training.evaluation import GreedyTest, Playing
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.resume.ledger import Ledger
+from fnnq_torchrl.training.start import Start, read_start
 
 OnProgress = Callable[[int], None]
 """A function called with the number of situations done so far, over all runs."""
@@ -41,10 +42,13 @@ class Trainer:
         config: a valid configuration.
         runs: the values in which the runs differ, of one job or of several.
         engine: the engine that runs the steps.
+        start: the start of learning; the value network's own, if None.
     """
 
-    def __init__(self, config: Config, runs: Runs, engine: Engine) -> None:
-        self.config, self.engine, self._runs = config, engine, runs
+    def __init__(
+        self, config: Config, runs: Runs, engine: Engine, start: Start | None = None
+    ) -> None:
+        self.config, self.engine, self._runs, self._start = config, engine, runs, start
         self.device = torch.device(config.machine.device)
         self.dtype: torch.dtype = getattr(torch, config.machine.dtype)
         columns = {
@@ -61,21 +65,32 @@ class Trainer:
         self.situations_to_learn = len(runs) * config.situations
         self.situations_to_play = len(runs) * evaluations * tests
         weights = self._value_network(runs=1).start(self.run["seed"])
-        self.ledger = Ledger(runs, weights, config.evaluation.every, evaluations, tests)
+        self.ledger = Ledger(
+            runs,
+            weights,
+            config.evaluation.every,
+            evaluations,
+            tests,
+            count_firing=config.counts_firing,
+        )
 
     @classmethod
     def of(cls, config: Config) -> Self:
         """Make the trainer of a single job.
 
         Raises:
-            ConfigError: if the engine must compile, and there is no C++ compiler.
+            ConfigError: if the engine must compile, and there is no C++ compiler; or as in
+                :func:`.read_start`.
         """
         runs = Runs.of([config])
-        return cls(config, runs, choose_engine(config, len(runs)))
+        return cls(config, runs, choose_engine(config, len(runs)), read_start(config))
 
     def _value_network(self, runs: int) -> ValueNetwork:
         candidates = make_candidates(self.config, self.dtype, self.device)
-        return make_value_network(self.config.value, candidates, runs)
+        network = make_value_network(self.config.value, candidates, runs)
+        if self._start is not None:
+            self._start.put_into(network)
+        return network
 
     def make_learner(self, lanes: int) -> Learner:
         """Make the learning step for ``lanes`` runs."""
@@ -88,6 +103,8 @@ class Trainer:
             exploration=config.exploration,
             evaluate_every=config.evaluation.every,
             largest_value=config.largest_value,
+            learns=None if self._start is None else self._start.masks,
+            count_firing=config.counts_firing,
         )
 
     @torch.no_grad()

@@ -19,6 +19,7 @@ from fnnq_torchrl.launch.launcher import Multirun
 from fnnq_torchrl.studies.adaptive.command import main as adaptive
 from fnnq_torchrl.studies.extrapolation.command import main as extrapolation
 from fnnq_torchrl.studies.figures.command import main as figures
+from fnnq_torchrl.studies.prior.command import main as prior
 from fnnq_torchrl.studies.reproduction.command import main as reproduction
 from fnnq_torchrl.training import job as job_module
 from fnnq_torchrl.training.jobs import RESULTS
@@ -31,6 +32,7 @@ PAGES = {
     "reproduction": reproduction,
     "adaptive": adaptive,
     "extrapolation": extrapolation,
+    "prior": prior,
 }
 QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")
 HEADER = "seed,lam,situations,steps,catches,diverged,return,length\n"
@@ -169,6 +171,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train -m hydra.sweep.dir=file/sweep": (1, "file/sweep: Not a directory"),
         "figures fig2 --results nowhere": (1, f"nowhere/fig2 {NO_RESULTS}fig2"),
         "reproduction --results nowhere": (1, f"nowhere/fig2_large {NO_RESULTS}fig2_large"),
+        "prior --results nowhere": (1, f"nowhere/prior {NO_RESULTS}prior"),
         "adaptive --results nowhere": (1, f"nowhere/adaptive {NO_RESULTS}adaptive"),
         "extrapolation --results nowhere": (
             1,

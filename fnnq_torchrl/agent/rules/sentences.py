@@ -19,6 +19,7 @@ and the rules, of values and of what to do::
     if bearing is far_left then steer hard_left
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf
@@ -97,20 +98,24 @@ class Knowledge:
     Attributes:
         values: the values of rules, by the places of their labels, one of each state input and,
             last, one of the action.
-        actions: what to do in states, by the places of their labels: the place of the action's.
+        actions: what to do in states, by the places of their labels: the action as a number, which
+            is the middle of its label where it was named by one.
     """
 
     values: dict[tuple[int, ...], float]
-    actions: dict[tuple[int, ...], int]
+    actions: dict[tuple[int, ...], float]
 
 
-def read_knowledge(text: str, file: str, variables: Sequence[Variable]) -> Knowledge:
+def read_knowledge(
+    text: str, file: str, variables: Sequence[Variable], t_norm: str = "product"
+) -> Knowledge:
     """Read rules of known words, of values and of what to do, as many as there are.
 
     Args:
         text: the file's; if it defines words, it must define the same.
         file: its name, for messages.
         variables: the state inputs and, last, the action.
+        t_norm: the network's.
 
     Raises:
         RulesError: the place, and what is wrong there: an unknown word, a rule that is there
@@ -122,8 +127,13 @@ def read_knowledge(text: str, file: str, variables: Sequence[Variable]) -> Knowl
         for place, variable, (name, labels) in zip(definitions.places, given, wanted, strict=False):
             if (variable.name, variable.labels) != (name, labels):
                 raise place.error(f"another partition than the network's, whose {name} differs")
-        if len(given) != len(wanted):
+        # A distilled controller's file has no action among its inputs.
+        if len(given) not in (len(wanted), len(wanted) - 1):
             raise definitions.places[-1].error("another partition, with other variables")
+        if definitions.t_norm != t_norm:
+            raise Place(file, 1).error(
+                f"its t_norm is {definitions.t_norm}, the network's {t_norm}"
+            )
     *states, action = variables
     values, actions = Grid(variables), Grid(states)
     for tokens in rules:
@@ -132,12 +142,10 @@ def read_knowledge(text: str, file: str, variables: Sequence[Variable]) -> Knowl
         if words.about_actions:
             values.put(words.labels(), words.number(), token.place)
         elif name == action.name:
-            label = words.tokens.one_of(action.names, f"label of {action.name}")
-            words.tokens.end()
-            actions.put(words.labels(), action.names.index(label.text), token.place)
+            actions.put(words.labels(), words.action(action), token.place)
         else:
             raise token.error(f"expected {action.name}, or a label of it in the premise")
-    return Knowledge(values.known, {key: int(label) for key, label in actions.known.items()})
+    return Knowledge(values.known, actions.known)
 
 
 class _Words:
@@ -187,6 +195,15 @@ class _Words:
             if variable.name not in self._premise:
                 raise self._if.error(f"{variable.name} is missing in the premise")
         return [self._premise[variable.name] for variable in due]
+
+    def action(self, variable: Variable) -> float:
+        """What to do, the last of the line: a label of the action, or a number as it is."""
+        if re.match(r"[-+.\d]", self.tokens.peek()):
+            return self.number()
+        word = self.tokens.one_of(variable.names, f"label of {variable.name}")
+        self.tokens.end()
+        label = variable.labels[variable.names.index(word.text)]
+        return label.function.middle(label.parameters)
 
     def number(self) -> float:
         """The output's number, the last of the line."""

@@ -8,6 +8,7 @@ from torch import Tensor
 from fnnq_torchrl.agent.rules import Controller
 from fnnq_torchrl.studies.rules.job import Chosen, Job
 from fnnq_torchrl.studies.rules.replay import Replay, distilled, greedy, replay
+from fnnq_torchrl.training.firing import FIRING, read_firing
 
 HARDLY = 1.0
 """A rule whose strengths add up to less in the replay is hardly trained."""
@@ -22,6 +23,8 @@ class Reading:
         chosen: which of its runs.
         played: the test, played by the full policy.
         fired: how strongly each rule fired in it, summed over its steps, as the consequents.
+        learned: how strongly each rule fired while learning, summed over its steps, if the job has
+            counted that; of the mean over runs, the mean.
         steps: how many steps there were.
         controller: what it does.
         full_score, distilled_score: the test's, of the full policy and of the distilled controller:
@@ -32,6 +35,7 @@ class Reading:
     chosen: Chosen
     played: Replay
     fired: Tensor
+    learned: Tensor | None
     steps: int
     controller: Controller
     full_score: float
@@ -63,11 +67,22 @@ def read_run(job: Job, chosen: Chosen) -> Reading:
         chosen,
         full,
         fired,
+        _learned(job, chosen),
         len(states),
         controller,
         _score(job, full),
         _score(job, other),
     )
+
+
+def _learned(job: Job, chosen: Chosen) -> Tensor | None:
+    path = job.directory / FIRING
+    if not path.is_file():
+        return None
+    fired = read_firing(path, job.weights.shape)
+    if chosen.spread is not None:
+        return fired.mean(0)
+    return fired[job.seeds.tolist().index(chosen.seed)]
 
 
 def _score(job: Job, played: Replay) -> float:

@@ -72,12 +72,15 @@ def _rows(reading: Reading) -> list[dict[str, Any]]:
     """The rules with what is known of each."""
     rows = reading.chosen.rules.table()
     fired = reading.fired.flatten().tolist()
+    learned = None if reading.learned is None else reading.learned.flatten().tolist()
     spread = reading.chosen.spread
     for i, row in enumerate(rows):
         if spread is not None:
             row["spread"] = float(spread.flatten()[i])
         row["fired"] = fired[i]
         row["hardly_trained"] = fired[i] < HARDLY
+        if learned is not None:
+            row["fired_while_learning"] = learned[i]
     return rows
 
 
@@ -101,6 +104,10 @@ def _sections(
     yield grid(_grid(reading, [f"{value:.1f}{'*' if value < HARDLY else ''}" for value in fired]))
     if reading.hardly_trained.any():
         yield f"* less than {HARDLY:g}: hardly trained\n"
+    if reading.learned is not None:
+        yield heading.format("How strongly each rule fired while learning, summed over its steps")
+        learned = reading.learned.flatten().tolist()
+        yield grid(_grid(reading, [f"{value:.1f}" for value in learned]))
     yield heading.format("The rules")
     for (labels, _), value, strength in zip(rules.rules(), numbers, fired, strict=True):
         mark = " (hardly trained)" if strength < HARDLY else ""

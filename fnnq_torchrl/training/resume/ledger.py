@@ -26,6 +26,8 @@ class Ledger:
             runs]``. Such an evaluation is not played.
         hands: the runs that were learning when this progress was saved, with their states at that
             time (see `Hand`).
+        fired: each rule's firing strength, summed over the steps that its run has learned from,
+            ``[runs, *weights]``; None if it isn't counted.
         results: the test results (:func:`fnnq_torchrl.training.evaluation.no_results`), batch size
             ``[evaluations, runs, tests]``.
         seconds: the wall times of ``train``, ``compile`` and ``evaluate``; compiling isn't part of
@@ -37,6 +39,7 @@ class Ledger:
         every: the number of situations from one evaluation to the next.
         evaluations: the number of evaluations, including the one before learning.
         tests: the number of situations in each evaluation.
+        count_firing: whether to keep ``fired``.
     """
 
     def __init__(
@@ -46,6 +49,8 @@ class Ledger:
         every: int,
         evaluations: int,
         tests: int,
+        *,
+        count_firing: bool = False,
     ) -> None:
         self._bits = torch.from_numpy(runs.bits)
         self.book = SnapshotBook(weights, every, evaluations)
@@ -53,6 +58,7 @@ class Ledger:
         self.diverged = torch.zeros(evaluations, len(runs), dtype=torch.bool)
         self.hands: Sequence[Hand] = ()
         dtype = next(iter(weights.values())).dtype
+        self.fired = torch.zeros(weights["weight"].shape, dtype=dtype) if count_firing else None
         self.results = no_results(evaluations, len(runs), tests, dtype)
         self.seconds: dict[str, float] = {"train": 0.0, "compile": 0.0, "evaluate": 0.0}
         self._running: list[str] = []
@@ -111,6 +117,7 @@ class Ledger:
             "collected": self.book.collected,
             "learned": self.learned,
             "diverged": self.diverged,
+            "fired": self.fired,
             "hands": [(jobs, state.to_dict()) for jobs, state in hands],
             "results": self.results.to_dict(),
             "seconds": dict(self.seconds),
@@ -141,6 +148,8 @@ class Ledger:
         self.book.collected.copy_(saved["collected"][rows])
         self.learned.copy_(saved["learned"][rows])
         self.diverged.copy_(saved["diverged"][:, rows])
+        if self.fired is not None:
+            self.fired.copy_(saved["fired"][rows])
         place = torch.full((runs,), -1).index_copy(0, rows, torch.arange(len(rows)))
         self.hands = [
             (place[jobs][here], TensorDict(state, jobs.shape)[here].to(pages.device))

@@ -37,7 +37,8 @@ class SavedTraining:
         shared = {key: of for key, of in settings.items() if key not in _NO_MATTER}
         kinds = {"env": batch.config.env.kind, "value": batch.config.value.kind}
         code = [source_of(group, kind) for group, kind in kinds.items() if is_own(kind)]
-        identity = f"{torch.__version__} {batch.engine.name} {shared!r} {code}"
+        digest = batch.start and batch.start.digest
+        identity = f"{torch.__version__} {batch.engine.name} {shared!r} {code} {digest}"
         self._identity = hashlib.sha256(identity.encode()).hexdigest()
         self._batch = batch
         self._read: tuple[dict[str, Any], Tensor] | None = None

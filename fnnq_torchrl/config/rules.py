@@ -1,0 +1,69 @@
+"""The schema of ``conf/rules/``: what is known before learning. No torch here."""
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from envs.core.parameters import OutOfRange, Parameters, flag, matching, number, or_null, texts
+
+ANY = "*"
+"""Stands for every label in the name of a rule."""
+
+
+@dataclass
+class RulesConfig(Parameters):
+    """The rules that learning starts from; values and meaning: conf/rules/none.yaml."""
+
+    prior: Any = or_null(matching(r".+", "the path of a file of rules, or of a job's directory"))
+    frozen: list[str] = texts(most=1_000)
+    demonstrations: Any = or_null(matching(r".+", "the path of a CSV file"))
+    margin: float = number(above=0)
+    count_firing: bool = flag()
+
+    @property
+    def used(self) -> bool:
+        """Whether anything here needs a value function of rules."""
+        return bool(
+            self.prior is not None
+            or self.demonstrations is not None
+            or self.frozen
+            or self.count_firing
+        )
+
+    def frozen_rules(self, labels: Sequence[Sequence[str]]) -> list[tuple[int | None, ...]]:
+        """Return the places of the labels of the rules that don't learn.
+
+        Args:
+            labels: the labels' names of each input and, last, of the action.
+
+        Returns:
+            For each entry of ``frozen`` the place of a label of each variable; None stands for
+            every label.
+
+        Raises:
+            OutOfRange: an entry has an unknown label, or more labels than there are variables.
+        """
+        found: list[tuple[int | None, ...]] = []
+        for entry in self.frozen:
+            words = entry.split("/")
+            if len(words) > len(labels):
+                allowed = f"at most {len(labels)} labels joined by /, as {_example(labels)}"
+                raise OutOfRange("rules.frozen", entry, allowed)
+            places: list[int | None] = [None] * len(labels)
+            for i, (word, names) in enumerate(zip(words, labels, strict=False)):
+                if word == ANY:
+                    continue
+                if word not in names:
+                    near = difflib.get_close_matches(word, names, n=1)
+                    meant = f"; did you mean {near[0]}?" if near else ""
+                    words_for_all = ", ".join((*names, ANY))
+                    allowed = f"a rule as {_example(labels)}, {word} one of {words_for_all}{meant}"
+                    raise OutOfRange("rules.frozen", entry, allowed)
+                places[i] = [*names].index(word)
+            found.append(tuple(places))
+        return found
+
+
+def _example(labels: Sequence[Sequence[str]]) -> str:
+    return "/".join(names[0] for names in labels)

@@ -1,0 +1,1 @@
+"""The study of what prior knowledge does to learning: from result files to a page."""

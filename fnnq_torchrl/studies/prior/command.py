@@ -1,0 +1,35 @@
+"""Writes what prior knowledge does: ``python -m fnnq_torchrl.prior``."""
+
+import sys
+
+from fnnq_torchrl.files.atomic import atomic_write
+from fnnq_torchrl.launch.arguments import page_parser
+from fnnq_torchrl.studies.experiments import newest_experiment
+from fnnq_torchrl.training.pictures.style import save
+from fnnq_torchrl.training.terminal import announce
+
+from .arms import NOTHING, OPERATOR, ROUGH, WRONG, find, read_arms
+from .page import write_page
+from .pictures import curves_figure, rules_figure
+
+
+def main() -> None:
+    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    arguments = page_parser("python -m fnnq_torchrl.prior", __doc__).parse_args()
+    try:
+        arms = read_arms(newest_experiment(arguments.results, "prior"))
+        text = write_page(arms)
+        largest = max(arm.margin for arm in arms if arm.source == ROUGH)
+        told = [find(arms, source, largest) for source in (ROUGH, WRONG, OPERATOR)]
+        rules = rules_figure([find(arms, NOTHING), *told])
+        pictures = arguments.to / "figures"
+        pictures.mkdir(parents=True, exist_ok=True)
+        for name, figure in (("prior", curves_figure(arms)), ("prior_rules", rules)):
+            for suffix in (".png", ".svg"):
+                save(figure, (pictures / name).with_suffix(suffix))
+        page = arguments.to / "prior.md"
+        with atomic_write(page) as file:
+            file.write(text.encode())
+    except (OSError, ValueError) as error:
+        sys.exit(" ".join(str(error).split()))
+    announce(str(page))

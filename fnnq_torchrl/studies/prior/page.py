@@ -1,0 +1,221 @@
+"""The page in Markdown. Every number and every verdict in it comes from the results."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fnnq_torchrl.studies.measures import EARLY_EVALUATIONS, MEASURES
+from fnnq_torchrl.studies.reproduction.claims import Expected
+from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
+from fnnq_torchrl.studies.reproduction.pool import same_seeds
+from fnnq_torchrl.studies.reproduction.verdicts import MATTERS, Verdict, verdict
+from fnnq_torchrl.studies.statistics import Interval, bootstrap_interval, paired_difference
+from fnnq_torchrl.training.results import CONFIDENCE, FINAL_EVALUATIONS
+
+from .arms import HOPES, NOTHING, OPERATOR, ROUGH, WRONG, Arm, find
+from .operator import CARELESS, EPISODES, GAIN, NOISE_STD, demonstrate
+
+_PAGE = """# What prior knowledge does
+
+The paper starts from nothing: all rules are 0. Its introduction has another idea: «the robot learns
+its general behavior by imitating an operator and fine tunes by RL». `rules.prior=FILE` and
+`rules.demonstrations=FILE.csv` do that. Here is what it is worth:
+
+{in_short}
+`make prior` writes this page from result files; no number in it was typed by hand.
+
+## How to tell it
+
+```
+python -m fnnq_torchrl.train rules.prior=rough.txt
+python -m fnnq_torchrl.train rules.prior=mine.fll 'rules.frozen=[far_left/hard_left]'
+python -m fnnq_torchrl.train rules.prior=outputs/an_earlier_job
+python -m fnnq_torchrl.train rules.demonstrations=FILE.csv
+python -m fnnq_torchrl.rules run=outputs/an_earlier_job record=FILE.csv
+```
+
+* A file has rules of values, `if bearing is far_left and steer is hard_left then value is 0.5`, or
+  of what to do, `if bearing is far_left then steer hard_left`, as many as there are (`.txt`); or it
+  is a whole rule base or a distilled controller, as `export=` writes it (`.txt`, `.json`, `.fll`,
+  `.fis`). Its labels must be the network's. Rules that it doesn't name start at 0.
+* What to do becomes values. With a\\* to be done in a state, its rule for the action label at a is
+  worth margin · (1 − ((a − a\\*)/d)²), where d is the distance between the outermost labels: the
+  margin (`rules.margin`) for a\\*, 0 at the far end. Between such states the best action is about
+  the weighted mean of their a\\*, as in a Takagi–Sugeno controller.
+* A directory of a finished job gives the mean over its runs.
+* `rules.frozen` names rules that stay as they are: the labels of the inputs and of the action,
+  joined by `/`. `*` is any label, and so is what is left out at the end.
+* Demonstrations are rows of observations and an action. The consequents are fitted so that each
+  other candidate is worth less than the operator's, by the margin times the squared distance as a
+  share of the range: a large-margin loss (Hester et al. 2018), smoothed, convex, the same for all
+  runs. A state's best action label is then worth the margin, as in a told controller. With a prior
+  too, the fit starts from it.
+
+## What is compared
+
+* *{nothing}*: all rules start at 0;
+* *{hopes}*: all rules start at {hope:g}. It knows nothing, but untried actions look good, so that
+  all are tried. Whatever starts from high values has that too;
+* *{rough}*: five sentences, [`rough.txt`](../conf/rules/rough.txt);
+* *{wrong}*: the same with every sign reversed, [`wrong.txt`](../conf/rules/wrong.txt);
+* *{operator}*: {steps:,} steps of {episodes} situations,
+  [`operator.csv`](../conf/rules/operator.csv). This operator is made up: it steers by −{gain:g}
+  times the bearing, with a normal error of standard deviation {noise:g}, and does anything instead
+  in {careless:g} % of the steps.
+
+Each has {runs:,} seeds; the last three have the margins {margins}. Everything else is as by
+default. The early score is the mean over the first {early} evaluations after learning began, one
+after every {every} situations; the final score is the mean over the last {final}. Brackets are
+{confidence:g} % bootstrap intervals; differences are between the same seeds. A difference of fewer
+than {matters} catches, of five, doesn't matter; that is our choice.
+
+![Score over the course of learning](figures/prior.png)
+
+{scores}
+*Lowest* is the lowest point of the mean learning curve after learning began: what is told can be
+unlearned before it is learned again.
+
+## How the rules change
+
+![The rules before and after learning](figures/prior_rules.png)
+
+The best action after learning differs from what was told by so much, in units of steer (its range
+is 2), as a mean over the bearings at which a ball starts; the last column has the same for runs
+that were told nothing:
+
+{distances}"""
+
+
+def write_page(arms: Sequence[Arm]) -> str:
+    """Return the page.
+
+    Raises:
+        NoResults: an arm is missing, or they have different seeds.
+    """
+    arms = [*arms]
+    runs = same_seeds([arm.job for arm in arms])
+    nothing, hopes = find(arms, NOTHING), find(arms, HOPES)
+    margins = sorted({arm.margin for arm in arms if arm.source not in (NOTHING, HOPES)})
+    told = [find(arms, source, margins[-1]) for source in (ROUGH, WRONG, OPERATOR)]
+    return _PAGE.format(
+        in_short="".join(f"* {each}\n" for each in _in_short(arms, margins)),
+        nothing=NOTHING,
+        hopes=HOPES,
+        rough=ROUGH,
+        wrong=WRONG,
+        operator=OPERATOR,
+        hope=float(hopes.start.max()),
+        steps=len(demonstrate(nothing.job.config.env)),
+        episodes=EPISODES,
+        gain=GAIN,
+        noise=NOISE_STD,
+        careless=100 * CARELESS,
+        runs=runs,
+        margins=" and ".join(f"{margin:g}" for margin in margins),
+        early=EARLY_EVALUATIONS,
+        every=nothing.job.settings["evaluation.every"],
+        final=FINAL_EVALUATIONS,
+        confidence=100 * CONFIDENCE,
+        matters=MATTERS,
+        scores=_scores(arms, nothing),
+        distances=_distances(told, nothing),
+    )
+
+
+def _in_short(arms: list[Arm], margins: Sequence[float]) -> list[str]:
+    """What came out, each in a sentence or two."""
+    nothing, hopes, most = find(arms, NOTHING), find(arms, HOPES), margins[-1]
+    rough, wrong, operator = (find(arms, source, most) for source in (ROUGH, WRONG, OPERATOR))
+    sentences = [
+        f"**{name}** (margin {most:g}) catches {arm.curve[0]:.2f} of 5 before it learns, nothing "
+        f"told {nothing.curve[0]:.2f}. In the first {EARLY_EVALUATIONS} evaluations it scores "
+        f"{_against(arm, nothing, 'early_score')} than nothing told, in the last "
+        f"{FINAL_EVALUATIONS} {_against(arm, nothing, 'final_score')}."
+        for name, arm in (
+            ("A rough controller", rough),
+            ("A wrong one", wrong),
+            ("Imitation of a noisy operator", operator),
+        )
+    ]
+    recovers = _verdict(wrong, nothing, "final_score", Expected.LESS) is Verdict.FAILS
+    sentences[1] += " So it recovers." if recovers else " It does not recover."
+    sentences.append(
+        f"**Part of that is hope.** High values alone, without a preference, score "
+        f"{_against(hopes, nothing, 'early_score')} than nothing told in the first "
+        f"{EARLY_EVALUATIONS}. Compared with them the rough controller scores "
+        f"{_against(rough, hopes, 'early_score')}, the wrong one "
+        f"{_against(wrong, hopes, 'early_score')}, the operator "
+        f"{_against(operator, hopes, 'early_score')}."
+    )
+    if len(margins) > 1:
+        least = find(arms, ROUGH, margins[0])
+        sentences.append(
+            f"**The margin matters.** With {margins[0]:g} instead of {most:g}, learning soon turns "
+            f"away from the rough controller: its mean score falls to {least.curve[1:].min():.2f} "
+            f"before it rises again, instead of {rough.curve[1:].min():.2f}."
+        )
+    return sentences
+
+
+def _difference(arm: Arm, other: Arm, measure: str) -> Interval:
+    runs = same_seeds([arm.job, other.job])
+    return paired_difference(arm.measure(measure)[:runs], other.measure(measure)[:runs]).mean
+
+
+def _verdict(arm: Arm, other: Arm, measure: str, expected: Expected) -> Verdict:
+    _, low, high = _difference(arm, other, measure)
+    return verdict(low, high, expected)
+
+
+def _against(arm: Arm, other: Arm, measure: str) -> str:
+    """The difference of two arms in words that complete «scores … than»."""
+    difference = _difference(arm, other, measure)
+    value, low, high = difference
+    if low <= 0 <= high:
+        return f"neither clearly more nor less ({interval_words(difference, signed=True)})"
+    same = " (which doesn't matter)" if _same(difference) else ""
+    if value > 0:
+        return f"{interval_words(difference)} more{same}"
+    return f"{interval_words(Interval(-value, -high, -low))} less{same}"
+
+
+def _same(difference: Interval) -> bool:
+    return verdict(difference.low, difference.high, Expected.SAME) is Verdict.HOLDS
+
+
+def _scores(arms: Sequence[Arm], nothing: Arm) -> str:
+    """A row for each arm."""
+    against = "against nothing"
+    head = ["", "before", "early score", against, "lowest", "final score", against, "forgetting"]
+    rows = []
+    for arm in arms:
+        cells = [arm.words, f"{arm.curve[0]:.2f}"]
+        for measure in ("early_score", "final_score"):
+            difference = (
+                ""
+                if arm is nothing
+                else interval_words(_difference(arm, nothing, measure), signed=True)
+            )
+            cells += [_mean(arm, measure), difference]
+            if measure == "early_score":
+                cells.append(f"{arm.curve[1:].min():.2f}")
+        rows.append([*cells, _mean(arm, "forgetting")])
+    forgetting = MEASURES["forgetting"].meaning
+    return f"{table(head, rows)}\n*Forgetting* is {forgetting}."
+
+
+def _mean(arm: Arm, measure: str) -> str:
+    return interval_words(bootstrap_interval(np.mean, arm.measure(measure)))
+
+
+def _distances(told: Sequence[Arm], nothing: Arm) -> str:
+    rows = []
+    for arm in told:
+        ours, theirs = arm.distance_to(arm.start), nothing.distance_to(arm.start)
+        rows.append(
+            [
+                arm.words,
+                *(interval_words(bootstrap_interval(np.mean, each)) for each in (ours, theirs)),
+            ]
+        )
+    return table(["", "told this", "told nothing"], rows)
