@@ -296,10 +296,10 @@ def test_the_page_is_whole(extrapolation_results: Path, measured: Measured) -> N
     assert "nan" not in page
     assert "{" not in page
     assert set(re.findall(r"\(figures/(.*)\.png\)", page)) == FIGURES.keys()
-    assert "«The fuzzy network doesn't extrapolate»" in page
+    assert "The claim that the fuzzy network doesn't extrapolate **" in page
     moved = findings[0].moved_in(findings[0].where.unseen).mean()
     assert f"| `fnnq` | {moved:.2f}" in page
-    assert f"{0:.2%} of any run at most" in page
+    assert f"at most {0:.2%} of the states that a run visited" in page
 
 
 def test_the_command(
