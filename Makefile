@@ -12,7 +12,7 @@ JAX := benchmarks/.jax
 SB3 := benchmarks/peers/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation test fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation memberships test fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -40,6 +40,11 @@ adaptive: install  ## docs/adaptive.md: what adaptive step sizes do, over 1,000 
 extrapolation: install  ## docs/extrapolation.md: what value functions do where they have seen nothing (takes eight minutes)
 	for name in value_functions extrapolation; do $(EXPERIMENT) +experiment=$$name || exit; done
 	$(BIN)/python -m fnnq_torchrl.extrapolation
+
+memberships: install  ## docs/memberships.md: are clustered labels better than those by hand, over 1,000 seeds (takes five minutes)
+	$(EXPERIMENT) num_seeds=22 hydra.run.dir=outputs/visited
+	$(EXPERIMENT) +experiment=memberships num_seeds=$(SEEDS)
+	$(BIN)/python -m fnnq_torchrl.memberships
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto

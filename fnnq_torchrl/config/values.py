@@ -94,6 +94,10 @@ def _is_named(label: Any) -> bool:
     )
 
 
+def _a_directory() -> Any:
+    return matching(r".{0,254}\S", "a directory, of at most 255 letters")
+
+
 def _labels() -> Any:
     """Labels of an input or of the action."""
     other = Range(_is_named, "{triangle: [a, b, c]} and the like")
@@ -117,7 +121,9 @@ class LabelsConfig(ValueConfig):
     labels_of_input: int = whole(1, default=5)
     labels_of_action: Any = or_null(whole(1), default=None)
     clustering: str = one_of(*CLUSTERINGS, default="kmeans")
-    visited: Any = or_null(matching(".+", "a directory"), default=None)
+    visited: Any = or_null(
+        matching(r".{0,254}\S", "a directory, of at most 255 letters"), default=None
+    )
     warm_up: int = whole(1, default=100)
 
     of_each_input: ClassVar = "labels"
@@ -210,7 +216,6 @@ class FuzzyConfig(LabelsConfig):
 
     t_norm: str = one_of(*T_NORMS, default="product")
     learn_memberships: bool = flag(default=False)
-    membership_rate: float = number(above=0, default=0.01)
     least_width: float = number(above=0, high=1, default=0.1)
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:

@@ -18,6 +18,7 @@ from fnnq_torchrl.files.atomic import clear_leftovers
 from fnnq_torchrl.training.batch import Batch
 from fnnq_torchrl.training.jobs import SNAPSHOTS, Job, JobFailed
 from fnnq_torchrl.training.loggers import Loggers
+from fnnq_torchrl.training.memberships import gaps_in_words, with_found_labels
 from fnnq_torchrl.training.memory import check_memory
 from fnnq_torchrl.training.pictures import learning_curve
 from fnnq_torchrl.training.results import (
@@ -109,7 +110,7 @@ def run_batches(
                 batches, pictures=pictures, loggers=loggers, interruptions=interruptions
             )
         return
-    prepared = [*map(Batch, batches)]
+    prepared = [Batch(with_found_labels(jobs)) for jobs in batches]
     for batch in prepared:
         _check(batch)
     saved = [SavedTraining(batch) for batch in prepared]
@@ -155,6 +156,8 @@ def _run_batch(
 ) -> list[float | Exception]:
     trainer = Trainer(batch.config, batch.runs, batch.engine)
     announce(batch.engine.why)
+    if gaps := gaps_in_words(batch.config):
+        announce(gaps)
     outcome = _train(trainer, saved, interruptions)
     _announce_diverged(outcome)
     bounds = accumulate((job.config.num_seeds for job in batch.jobs), initial=0)

@@ -47,7 +47,7 @@ VARIANTS = {
     "minimum": (MINIMUM,),
     "minimum_mixed": (MIXED, MINIMUM),
     "minimum_zero": (*GAPS, MINIMUM, ZERO),
-    "learned": ("value.learn_memberships=true", "value.membership_rate=0.1"),
+    "learned": ("value.learn_memberships=true",),
     "rbf_mixed": ("value=rbf", MIXED),
     "table_zero": ("value=table", *GAPS, ZERO),
 }

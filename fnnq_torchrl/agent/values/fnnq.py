@@ -60,7 +60,6 @@ class FNNQValue(LabelsValue):
             config.inputs,
             config.action,
             candidates,
-            rate=config.membership_rate,
             least_width=config.least_width,
             **settings,
         )
@@ -93,7 +92,6 @@ class LearnedLabelsValue(FNNQValue):
 
     Args:
         inputs, action, candidates: as of :class:`FNNQValue`; all labels are Gaussian.
-        rate: the step size of centres and widths as a multiple of that of the consequents.
         least_width: no label is narrower than this share of its width at the start.
         **others: as of that class, and so are the errors.
     """
@@ -104,13 +102,11 @@ class LearnedLabelsValue(FNNQValue):
         action: Labels,
         candidates: Tensor,
         *,
-        rate: float,
         least_width: float,
         **others: Any,
     ) -> None:
         super().__init__(inputs, action, candidates, **others)
-        # A gradient step on θ with a step size of α moves r·θ by r²·α times its own gradient.
-        self._scale, self._least_width = rate**0.5, least_width
+        self._least_width = least_width
         runs = len(self.weight)
         for i, labels in enumerate(self._labels):
             for name, size in zip(_MOVES, (1, len(labels) - 1, len(labels)), strict=True):
@@ -141,7 +137,7 @@ class LearnedLabelsValue(FNNQValue):
     def _moved(self, i: int) -> tuple[Tensor, Tensor]:
         """The centres of dimension i and the inverses of the widths, ``[labels, runs]``."""
         moves = {
-            name: self._scale * runs_last(getattr(self, f"{name}_{i}"))
+            name: runs_last(getattr(self, f"{name}_{i}"))
             for name in _MOVES
             if hasattr(self, f"{name}_{i}")
         }
