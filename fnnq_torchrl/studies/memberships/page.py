@@ -2,18 +2,20 @@
 
 from collections.abc import Sequence
 from itertools import groupby
+from operator import attrgetter
 
 import numpy as np
 
 from fnnq_torchrl.studies.experiments import NoResults
 from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
-from fnnq_torchrl.studies.reproduction.verdicts import MATTERS
+from fnnq_torchrl.studies.reproduction.verdicts import MATTERS, Verdict
 from fnnq_torchrl.studies.statistics import Interval, bootstrap_interval, paired_difference
 from fnnq_torchrl.training.results import CONFIDENCE
 
 from .sources import BY_HAND, Source
 
 EVEN = "even"
+GRADIENT = f"{BY_HAND}, then by gradient"
 
 _PAGE = """# Where labels come from
 
@@ -42,10 +44,10 @@ The visited bearings are those of 100 situations of *random play*, or of *learne
 as they did while learning. In random play the robot mostly loses the ball, and then sees it at the
 edge of the view.
 
-Each choice has α of {alphas}. The first half of the seeds chooses the best α, and the second half
-gives the score: the mean, over all evaluations, of the catches in five tests. Brackets are
-{confidence:g} % bootstrap intervals. Differences are between the same seeds. One of fewer than
-{matters} catches doesn't matter; that is our choice.
+Each choice has α of {alphas}. The first half of the seeds chooses the best α, which may be at the
+edge of those, and the second half gives the score: the mean, over all evaluations, of the catches
+in five tests. Brackets are {confidence:g} % bootstrap intervals. Differences are between the same
+seeds. One of fewer than {matters} catches doesn't matter; that is our choice.
 
 {sections}"""
 
@@ -57,14 +59,10 @@ def write_page(sources: Sequence[Source]) -> str:
         sources: the results with labels from each source.
 
     Raises:
-        NoResults: there are no evenly spaced labels to compare with, or none by hand.
+        NoResults: there are neither labels by hand nor evenly spaced ones to compare with.
     """
-    by_count = [
-        [*group]
-        for _, group in groupby(
-            sorted(sources, key=lambda each: each.count), lambda each: each.count
-        )
-    ]
+    count = attrgetter("count")
+    by_count = [[*group] for _, group in groupby(sorted(sources, key=count), count)]
     return _PAGE.format(
         runs=min(each.runs for each in sources),
         conclusions="".join(f"* {line}\n" for line in _conclusions(by_count)),
@@ -76,27 +74,49 @@ def write_page(sources: Sequence[Source]) -> str:
 
 
 def _conclusions(by_count: Sequence[Sequence[Source]]) -> list[str]:
-    """Return a line on each number of labels, and one on the paper's recommendation."""
-    lines, verdicts = [], []
+    """Return lines on the paper's recommendation, on even labels, and on each number of labels."""
+    lines = []
+    for name, words in ((BY_HAND, "the paper's labels"), (GRADIENT, "those labels by gradient")):
+        compared = [better for group in by_count for better in _clusters_against(group, name)]
+        lines.append(
+            f"Clustering rather than {words}: the recommendation **{_verdict(compared).value}** at "
+            f"the same number of labels. In {sum(compared)} of {len(compared)} comparisons, labels "
+            "from clusters score more."
+        )
+    compared = [better for group in by_count for better in _clusters_against(group, EVEN)]
+    lines.append(
+        f"Evenly spaced labels take no states at all. Labels from clusters score more than those "
+        f"in {sum(compared)} of {len(compared)} comparisons."
+    )
     for group in by_count:
         reference = _reference(group)
-        told = []
-        for each in group:
-            if each is not reference:
-                difference = _difference(each, reference)
-                told.append(f"{each.name}: {better_words(difference)}")
-                if "k-means" in each.name or "mixture" in each.name:
-                    verdicts.append(difference.low > 0)
+        told = [
+            f"{each.name}: {better_words(_difference(each, reference))}"
+            for each in group
+            if each is not reference
+        ]
         lines.append(
             f"With {reference.count} labels, compared with those {_called(reference)}: "
             f"{'; '.join(told)}."
         )
-    said = "holds" if all(verdicts) else "does not hold" if not any(verdicts) else "depends"
+    return lines
+
+
+def _clusters_against(group: Sequence[Source], name: str) -> list[bool]:
+    """Return whether labels from clusters score more than others, for each way to cluster."""
     return [
-        f"The recommendation of clustering **{said}**: in {sum(verdicts)} of {len(verdicts)} "
-        "comparisons, labels from clusters score more.",
-        *lines,
+        _difference(each, other).low > 0
+        for other in group
+        if other.name == name
+        for each in group
+        if each.clustered
     ]
+
+
+def _verdict(compared: Sequence[bool]) -> Verdict:
+    if all(compared):
+        return Verdict.HOLDS
+    return Verdict.PART if any(compared) else Verdict.FAILS
 
 
 def _reference(group: Sequence[Source]) -> Source:
@@ -120,10 +140,9 @@ def better_words(difference: Interval) -> str:
         return "worse"
     if difference.low > -MATTERS and difference.high < MATTERS:
         return f"the same to within {MATTERS} catches"
-    if difference.low > 0 or difference.high < 0:
-        return (
-            f"{'better' if difference.low > 0 else 'worse'}, perhaps by less than {MATTERS} catches"
-        )
+    for words, beyond in (("better", difference.low > 0), ("worse", difference.high < 0)):
+        if beyond:
+            return f"{words}, perhaps by less than {MATTERS} catches"
     return "neither clearly better nor worse nor the same"
 
 

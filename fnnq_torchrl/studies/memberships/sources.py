@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fnnq_torchrl.config.values import CLUSTERED
 from fnnq_torchrl.studies.experiments import Experiment, Job
 from fnnq_torchrl.studies.reproduction.pool import same_seeds
 from fnnq_torchrl.studies.statistics import choose_by_half
@@ -20,6 +21,7 @@ class Source:
 
     Attributes:
         name: the source.
+        clustered: whether they were found by clustering.
         labels: [centre, σ] of each label at the start of learning.
         best_alpha: the best α by the first half of the seeds.
         scores: the mean scores of the second half at that α, ``[runs]``.
@@ -29,6 +31,7 @@ class Source:
     """
 
     name: str
+    clustered: bool
     labels: list[list[float]]
     best_alpha: float
     scores: NDArray[np.float64]
@@ -59,16 +62,22 @@ def _source(name: str, jobs: list[Job], runs: int) -> Source:
     jobs = sorted(jobs, key=lambda job: float(job.config.alpha))
     best = choose_by_half([job.evaluations.mean_score[:runs] for job in jobs])
     alphas = [float(job.config.alpha) for job in jobs]
-    diverged = sum(job.evaluations.diverged_runs for job in jobs)
     return Source(
-        name, labels_of(jobs[0]), alphas[best.choice], best.judged, runs, alphas, diverged
+        name=name,
+        clustered=jobs[0].config.value.membership == CLUSTERED,
+        labels=labels_of(jobs[0]),
+        best_alpha=alphas[best.choice],
+        scores=best.judged,
+        runs=runs,
+        alphas=alphas,
+        diverged=sum(job.evaluations.diverged_runs for job in jobs),
     )
 
 
 def name_of(job: Job) -> str:
     """Return where a job's labels come from, in words."""
     value = job.config.value
-    if value.membership == "clustered":
+    if value.membership == CLUSTERED:
         method = {"kmeans": "k-means", "mixture": "mixture of Gaussians"}[value.clustering]
         states = "random play" if value.visited is None else "learned runs"
         name = f"{method}, {states}"
@@ -84,7 +93,7 @@ def labels_of(job: Job) -> list[list[float]]:
         OSError, ValueError: its checkpoint, which has those that were found, can't be read.
     """
     value = job.config.value
-    if value.membership != "clustered":
+    if value.membership != CLUSTERED:
         return [*value.inputs["bearing"]]
     checkpoint = load_checkpoint(job.directory / "checkpoint.pt")
     return [*checkpoint.config["value"]["inputs"]["bearing"]]
