@@ -55,25 +55,31 @@ class Range:
     words: str
 
 
-def number(low: float = -inf, high: float = inf, *, above: float = -inf) -> Any:
-    """Declare a field for a finite number in [low, high] or, with `above`, in (above, high]."""
+def number(low: float = -inf, high: float = inf, *, above: float = -inf, **default: Any) -> Any:
+    """Declare a field for a finite number in [low, high] or, with `above`, in (above, high].
+
+    Here and below, `default` serves files that are older than the key.
+    """
     left = f"[{low:g}" if low > above else f"({above:g}"
     right = f"{high:g}]" if high < inf else "inf)"
     return _declare(
         lambda value: _is_finite(value) and low <= value <= high and above < value,
         f"a number in {left}, {right}",
+        **default,
     )
 
 
-def whole(low: int) -> Any:
+def whole(low: int, **default: Any) -> Any:
     """Declare a field for a whole number >= `low`."""
-    return _declare(lambda value: _is_whole(value) and value >= low, f"a whole number >= {low}")
+    return _declare(
+        lambda value: _is_whole(value) and value >= low, f"a whole number >= {low}", **default
+    )
 
 
-def one_of(*choices: str) -> Any:
+def one_of(*choices: str, **default: Any) -> Any:
     """Declare a field for one of the given words, at least two."""
     *others, last = choices
-    return _declare(lambda value: value in choices, f"{', '.join(others)} or {last}")
+    return _declare(lambda value: value in choices, f"{', '.join(others)} or {last}", **default)
 
 
 def matching(pattern: str, words: str) -> Any:
@@ -83,27 +89,30 @@ def matching(pattern: str, words: str) -> Any:
     )
 
 
-def pairs(first: str, second: str, *, above: float = -inf) -> Any:
+def pairs(first: str, second: str, *, above: float = -inf, other: Range | None = None) -> Any:
     """Declare a field for a list of at least one pair of finite numbers.
 
     Args:
         first, second: the names of a pair's numbers in the error.
         above: the number that every second number must exceed.
+        other: the range of entries that are allowed instead of a pair.
     """
 
-    def holds(value: Any) -> bool:
-        return (
-            isinstance(value, list)
-            and len(value) >= 1
-            and all(_is_pair(pair) and pair[1] > above for pair in value)
-        )
+    def is_entry(entry: Any) -> bool:
+        if other is not None and other.holds(entry):
+            return True
+        return _is_pair(entry) and bool(entry[1] > above)
 
     bound = f" with {second} > {above:g}" if above > -inf else ""
-    return _declare(holds, f"a list of at least one pair [{first}, {second}]{bound}")
+    words = f"a list of at least one pair [{first}, {second}]{bound}"
+    return _declare(
+        lambda value: isinstance(value, list) and len(value) >= 1 and all(map(is_entry, value)),
+        words if other is None else f"{words}, or {other.words}",
+    )
 
 
 def number_or_range(low: float = -inf, *, above: float = -inf) -> Any:
-    """A finite number, at least `low` or above `above`, or a pair [least, greatest] of such."""
+    """Declare a field for a finite number, or a range [least, greatest] of them to draw from."""
     bound = f", >= {low:g}" if low > -inf else f", > {above:g}" if above > -inf else ""
     return _declare(
         lambda value: _is_spread(value) and all(low <= end and above < end for end in _ends(value)),
@@ -112,7 +121,7 @@ def number_or_range(low: float = -inf, *, above: float = -inf) -> Any:
 
 
 def place() -> Any:
-    """A point [x, y], each a number or a range [least, greatest]."""
+    """Declare a field for a point [x, y], each a number or a range [least, greatest]."""
     return _declare(
         lambda value: isinstance(value, list) and len(value) == 2 and all(map(_is_spread, value)),
         "a point [x, y], each a number or a range [least, greatest] to draw from",
@@ -120,7 +129,7 @@ def place() -> Any:
 
 
 def point(first: str, second: str, *, above: float = -inf) -> Any:
-    """A pair of finite numbers, each above `above`."""
+    """Declare a field for a pair of finite numbers, each above `above`."""
     bound = f" of numbers > {above:g}" if above > -inf else ""
     return _declare(
         lambda value: _is_pair(value) and min(value) > above, f"a pair [{first}, {second}]{bound}"
@@ -128,7 +137,7 @@ def point(first: str, second: str, *, above: float = -inf) -> Any:
 
 
 def rows(*names: str, least: int = 1) -> Any:
-    """A list of at least so many rows of finite numbers, one for each name."""
+    """Declare a field for a list of at least `least` rows with a finite number for each name."""
     return _declare(
         lambda value: (
             isinstance(value, list)
@@ -143,7 +152,7 @@ def rows(*names: str, least: int = 1) -> Any:
 
 
 def mappings() -> Any:
-    """A list of mappings, empty or not; who has it checks what is in them (`made_from`)."""
+    """Declare a field for a list of mappings, which `made_from` checks; the list may be empty."""
     return _declare(
         lambda value: isinstance(value, list) and all(isinstance(entry, dict) for entry in value),
         "a list of mappings {key: value, …}",
@@ -151,7 +160,7 @@ def mappings() -> Any:
 
 
 def groups() -> Any:
-    """A list of lists of different names, at least one in each."""
+    """Declare a field for a list of groups, each of at least one name and none twice."""
     return _declare(
         lambda value: (
             isinstance(value, list)
@@ -180,7 +189,7 @@ def texts(most: int) -> Any:
 
 
 def words(**default: Any) -> Any:
-    """Declare a field for a list of different words; `default` serves files without such a key."""
+    """Declare a field for a list of different words."""
     return _declare(
         lambda value: (
             isinstance(value, list)
@@ -232,15 +241,17 @@ def whole_or_rows(low: int, row: str) -> Any:
     return _declare(holds, f"a list of at least one {row} [number, …], or a whole number >= {low}")
 
 
-def or_null(declared: Any) -> Any:
+def or_null(declared: Any, **default: Any) -> Any:
     """Declare a field for ``null`` (None) or a value in the range of another declared field."""
     range_: Range = declared.metadata[_RANGE]
-    return _declare(lambda value: value is None or range_.holds(value), f"{range_.words}, or null")
+    return _declare(
+        lambda value: value is None or range_.holds(value), f"{range_.words}, or null", **default
+    )
 
 
-def flag() -> Any:
+def flag(**default: Any) -> Any:
     """Declare a field for true or false."""
-    return _declare(lambda value: isinstance(value, bool), "true or false")
+    return _declare(lambda value: isinstance(value, bool), "true or false", **default)
 
 
 def parameters(kinds: Iterable[str]) -> Any:

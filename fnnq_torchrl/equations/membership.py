@@ -1,51 +1,133 @@
-"""Gaussian membership and normalised firing strengths. The runs are always the last dimension."""
+"""Membership and normalised firing strengths. The runs are always the last dimension."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import reduce
+from itertools import accumulate
 
 import torch
 from torch import Tensor
 
+from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS
+
+Label = tuple[str, Sequence[Tensor]]
+"""A kind of membership function, of :data:`.MEMBERSHIP_FUNCTIONS`, and its parameters, scalars."""
+
 
 def log_membership(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-    """Return log μ(x) = −(x − c)²/(2σ²) for every label of one input.
+    """Return log μ(x) = −(x − c)²/(2σ²) for every Gaussian label of one input.
 
     Args:
         x: the input, ``[..., runs]``.
-        centres: c, ``[labels]``.
-        inverse_widths: 1/σ, ``[labels]``; multiplying is faster than dividing.
+        centres: c, ``[labels]``, or ``[labels, runs]`` if each run has its own.
+        inverse_widths: 1/σ, of the same shape; multiplying is faster than dividing.
 
     Returns:
         ``[labels, ..., runs]``.
     """
-    per_label = (-1, *[1] * x.ndim)
+    labels, *runs = centres.shape
+    per_label = (labels, *[1] * (x.ndim - len(runs)), *runs)
     return -0.5 * ((x - centres.view(per_label)) * inverse_widths.view(per_label)).square()
 
 
-def firing_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
+def log_degrees(x: Tensor, labels: Sequence[Label], elsewhere: str = "nearest") -> Tensor:
+    """Return log μ(x) for every label of one input; the labels may be of any kinds.
+
+    Args:
+        x: the input, ``[...]``.
+        labels: at least one.
+        elsewhere: with ``nearest``, the label with the nearest support has degree 1 where no
+            label fires.
+
+    Returns:
+        ``[labels, ...]``; −∞ where a label doesn't fire.
+    """
+    of = [(MEMBERSHIP_FUNCTIONS[kind], parameters) for kind, parameters in labels]
+    degrees = torch.stack([function.log_degree(x, *parameters) for function, parameters in of])
+    if elsewhere == "zero" or not all(function.compact for function, _ in of):
+        return degrees
+    outside = [torch.maximum(first - x, x - last) for _, (first, *_, last) in of]
+    numbers = torch.arange(len(labels), device=x.device).view(-1, *[1] * x.ndim)
+    chosen = (degrees == -torch.inf).all(0) & (numbers == torch.stack(outside).argmin(0))
+    return degrees.where(~chosen, 0)
+
+
+def moved_labels(
+    centres: Tensor,
+    inverse_widths: Tensor,
+    *,
+    middle: Tensor,
+    widths: Tensor,
+    least_width: float,
+    gaps: Tensor | None = None,
+) -> tuple[Tensor, Tensor]:
+    """Return Gaussian labels that have been moved; they keep their order and a least width.
+
+        cᵢ₊₁ − cᵢ = (cᵢ₊₁⁰ − cᵢ⁰)·exp(gapᵢ),   mean of c = mean of c⁰ + (mean of σ⁰)·middle
+        σᵢ = σᵢ⁰·(least + (1 − least)·exp(widthᵢ))
+
+    Args:
+        centres: c⁰, ``[labels]``.
+        inverse_widths: 1/σ⁰, ``[labels]``.
+        middle: ``[1, runs]``.
+        widths: ``[labels, runs]``.
+        least_width: the least share of its σ⁰ that a width has, in (0, 1].
+        gaps: ``[labels − 1, runs]``; None of a single label.
+
+    Returns:
+        The centres and the inverses of the widths, each ``[labels, runs]``.
+    """
+    steps = [] if gaps is None else (centres.diff().unsqueeze(-1) * gaps.exp()).unbind(0)
+    places = torch.stack([*accumulate(steps, initial=torch.zeros_like(middle[0]))])
+    centre = centres.mean() + inverse_widths.reciprocal().mean() * middle
+    widened = least_width + (1 - least_width) * widths.exp()
+    return centre + places - places.mean(0), inverse_widths.unsqueeze(-1) / widened
+
+
+def normalised(log_degrees: Tensor) -> Tensor:
     """Return the normalised membership of one input in its labels, μᵢ(x) / Σμ(x).
 
     The rules combine every label of every input by the product t-norm. So the normalised firing
     strength of a rule is the product of its labels' shares: σᵢ/Σσ = Πⱼ μᵢⱼ(xⱼ)/Σμ(xⱼ) (paper,
     eq. 7, 8). The softmax of log μ avoids 0/0 far from every centre; the nearest label gets 1.
 
-    Args and result: as :func:`log_membership`; the shares of all labels sum to 1.
+    Args:
+        log_degrees: log μ(x), ``[labels, ..., runs]``, at least one of them above −∞.
+
+    Returns:
+        Shares of the same shape, which sum to 1 over the labels.
     """
     # Not torch.softmax: along the first dimension it splits even the smallest batch among threads,
     # which is slow. It also splits within vectors, so the last bit depends on the thread count.
-    strength = log_membership(x, centres, inverse_widths)
-    strength = torch.exp(strength - strength.amax(0))
+    strength = torch.exp(log_degrees - log_degrees.amax(0))
     return strength * strength.sum(0).reciprocal()
 
 
-def crisp_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-    """Return 1 for the label with the highest membership and 0 for the others; ties share the 1.
+def firing_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
+    """Return the normalised memberships of one input in Gaussian labels.
 
     Args and result: as :func:`log_membership`; the shares of all labels sum to 1.
     """
-    strength = log_membership(x, centres, inverse_widths)
-    highest = (strength == strength.amax(0)).to(x.dtype)
+    return normalised(log_membership(x, centres, inverse_widths))
+
+
+def crisp(log_degrees: Tensor) -> Tensor:
+    """Return 1 for the label with the highest membership and 0 for the others; ties share the 1.
+
+    Args and result: as :func:`normalised`.
+    """
+    highest = (log_degrees == log_degrees.amax(0)).to(log_degrees.dtype)
     return highest / highest.sum(0)
+
+
+def zero_where_silent(shares: Callable[[Tensor], Tensor], log_degrees: Tensor) -> Tensor:
+    """Return the labels' shares, which are all 0 where no label fires.
+
+    Args:
+        shares: as :func:`normalised`.
+        log_degrees: log μ(x), ``[labels, ..., runs]``.
+    """
+    fires = log_degrees.amax(0) > -torch.inf
+    return shares(log_degrees.where(fires, 0)) * fires
 
 
 def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tensor) -> Tensor:
@@ -87,6 +169,31 @@ def weighed(consequents: Tensor, shares: Sequence[Tensor], batch: int) -> Tensor
     return rules
 
 
-def rule_width(width: float, reading: str) -> float:
-    """Return σ from a label's second number, which is σ (``sigma``) or σ² (``variance``)."""
-    return math.sqrt(width) if reading == "variance" else width
+def weighted_minima(
+    consequents: Tensor, log_degrees: Sequence[Tensor], action_log_degrees: Tensor
+) -> Tensor:
+    """Return Q(s, a) = Σ wᵢσᵢ / Σσ with the minimum t-norm, σᵢ = minⱼ μᵢⱼ(xⱼ), over all rules.
+
+    The strengths' sum doesn't factor, as it does with the product. All strengths are taken relative
+    to that of the strongest rule, so far from every centre nothing is 0/0. Q is 0 where no rule
+    fires.
+
+    Args:
+        consequents: w, ``[labels of input 1, …, labels of input n, action labels, runs]``.
+        log_degrees: for each state input, its labels' log μ, ``[labels, *batch, runs]``.
+        action_log_degrees: ``[action labels, actions, *batch or 1s, runs or 1]``.
+
+    Returns:
+        Q of every action, ``[actions, *batch, runs]``.
+    """
+    logs = [*(log.unsqueeze(1) for log in log_degrees), action_log_degrees]
+    # The strongest rule is as strong as the weakest of the inputs' highest memberships.
+    peak = reduce(torch.minimum, [log.amax(0) for log in logs])
+    peak = peak.where(peak > -torch.inf, 0)
+    first, *others = [(log - peak).clamp(max=0).exp() for log in logs]
+    strengths = reduce(lambda rule, of: rule.unsqueeze(-of.ndim).minimum(of), others, first)
+    *labels, runs = consequents.shape
+    weights = consequents.reshape(*labels, *[1] * (peak.ndim - 1), runs)
+    rules = [*range(len(labels))]
+    total = strengths.sum(rules)
+    return (strengths * weights).sum(rules) / total.where(total > 0, 1)

@@ -98,7 +98,11 @@ def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
         # Hydra gives no options if the choice was typed in a list.
-        if options := [each for each in error.options or choices_of(group) if each != SAVED]:
+        if options := [
+            each
+            for each in error.options or choices_of(group)
+            if each != SAVED and not each.startswith("_")
+        ]:
             return OutOfRange(group, choice, " or ".join(options))
     return _misuse_of_a_group(parsed) or ConfigError(message)
 

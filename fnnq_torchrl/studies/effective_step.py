@@ -26,7 +26,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from fnnq_torchrl.equations.membership import firing_shares, rule_width
+from fnnq_torchrl.equations.membership import firing_shares
+from fnnq_torchrl.equations.membership_functions import rule_width
 
 Labels = Sequence[Sequence[float]]
 

@@ -22,6 +22,7 @@ from fnnq_torchrl.training.drawing import draw_job
 from fnnq_torchrl.training.firing import FIRING, write_firing
 from fnnq_torchrl.training.jobs import PICTURE, SNAPSHOTS, Job, JobFailed
 from fnnq_torchrl.training.loggers import Loggers
+from fnnq_torchrl.training.memberships import gaps_in_words, with_found_labels
 from fnnq_torchrl.training.memory import check_memory
 from fnnq_torchrl.training.results import (
     Outcome,
@@ -119,7 +120,7 @@ def run_batches(
         return
     several = len(batches) > 1
     prepared = [
-        Batch(jobs, f"batch {number} of {len(batches)}" * several)
+        Batch(with_found_labels(jobs), f"batch {number} of {len(batches)}" * several)
         for number, jobs in enumerate(batches, start=1)
     ]
     for batch in prepared:
@@ -169,6 +170,8 @@ def _run_batch(
     announce(batch.label + batch.engine.why)
     if batch.start is not None and batch.start.told:
         announce(batch.label + batch.start.told)
+    if gaps := gaps_in_words(batch.config):
+        announce(batch.label + gaps)
     outcome = _train(batch, trainer, saved, interruptions)
     _announce_diverged(batch, outcome)
     bounds = accumulate((job.config.num_seeds for job in batch.jobs), initial=0)

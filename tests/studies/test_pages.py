@@ -9,6 +9,7 @@ import pytest
 from benchmarks.peers.page import _TEMPLATE as PEERS
 from fnnq_torchrl.studies.adaptive.page import _PAGE as ADAPTIVE
 from fnnq_torchrl.studies.extrapolation.page import _PAGE as EXTRAPOLATION
+from fnnq_torchrl.studies.memberships.page import _PAGE as MEMBERSHIPS
 from fnnq_torchrl.studies.reproduction.page import _BEGINNING, _READINGS
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -25,6 +26,7 @@ def fixed_parts(template: str) -> list[str]:
         ("reproduction", [_BEGINNING, _READINGS]),
         ("adaptive", [ADAPTIVE]),
         ("extrapolation", [EXTRAPOLATION]),
+        ("memberships", [MEMBERSHIPS]),
         ("peers", [re.sub(r"\$(\w+)", r"{\1}", PEERS.template)]),
     ],
 )

@@ -1,7 +1,7 @@
 """Q(s, a) as a sum of fuzzy rule bases, each over some of the inputs."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Self, cast
+from typing import Any, Self, cast
 
 from torch import Tensor, nn
 
@@ -15,20 +15,15 @@ from .labels import Labels
 class FNNQSumValue(ValueNetwork):
     """Rule bases that add up: Q(s, a) = Σ_g Q_g(s_g, a), with Q_g of :class:`.FNNQValue`.
 
-    A full rule base has a rule for each combination of all inputs' labels. Where inputs matter on
-    their own, or in pairs, this has far fewer. Each group has every label of its inputs with every
-    action label; all their consequents start at zero and learn together.
+    A full rule base has a rule for every combination of all inputs' labels. A sum has far fewer: in
+    each group a rule for every combination of the labels of its inputs and the action. All
+    consequents start at zero and learn together.
 
     Args:
-        inputs: for each observation, by its name in the TensorDict, its labels (centre, width).
-        action: the action's labels (centre, width).
-        rules: the groups, each some names of inputs.
-        candidates: the actions among which the best is sought, ``[candidates]``.
-        width: whether a label's second number is a ``"sigma"`` or a ``"variance"``.
-        runs: how many learners this batch holds.
-
-    Raises:
-        ValueError: if ``width`` is neither.
+        inputs, action, candidates: as of :class:`.FNNQValue`.
+        rules: the groups, each a list of inputs' names.
+        runs: the number of runs in the batch.
+        **others: as of that class, and so are the errors.
     """
 
     schema = SumConfig
@@ -40,25 +35,32 @@ class FNNQSumValue(ValueNetwork):
         rules: Sequence[Sequence[str]],
         candidates: Tensor,
         *,
-        width: str = "sigma",
         runs: int = 1,
+        **others: Any,
     ) -> None:
         super().__init__(list(inputs), candidates)
         self.parts = nn.ModuleList(
             FNNQValue(
                 {name: inputs[name] for name in names},
                 action,
-                candidates.clone(),  # of its own each: a compiled loop allows no aliases
-                width=width,
+                candidates.clone(),  # because a compiled loop allows no aliases
                 runs=runs,
+                **others,
             )
             for names in rules
         )
 
     @classmethod
     def from_config(cls, config: SumConfig, candidates: Tensor, runs: int) -> Self:
-        rules = config.groups
-        return cls(config.inputs, config.action, rules, candidates, width=config.width, runs=runs)
+        return cls(
+            config.inputs,
+            config.action,
+            config.groups,
+            candidates,
+            runs=runs,
+            width=config.width,
+            elsewhere=config.elsewhere,
+        )
 
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
         named = dict(zip(self.in_keys, observations, strict=True))

@@ -78,6 +78,13 @@ def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
     lines = [
         f"The claim that the fuzzy network doesn't extrapolate **{local_verdict.value}**. Where it "
         f"had seen nothing, its Q {movement_words(of_local)}: {interval_words(of_local)}.",
+        *(
+            f"The claim that it is a local approximator with compact membership functions "
+            f"**{stays.get(above(moved(findings), MOVES), Verdict.OPEN).value}** for `{kind}`. Its "
+            f"Q there {movement_words(moved(findings))}: {interval_words(moved(findings))}."
+            for kind, findings in by_kind.items()
+            if kind.startswith("fnnq, ")
+        ),
         f"The claim that the MLP does **{above(of_other, MOVES).value}**. Its Q there "
         f"{movement_words(of_other)}: {interval_words(of_other)}.",
         f"Of the two, {order}: MLP − fuzzy network {interval_words(more, signed=True)}, by pairs "

@@ -14,11 +14,21 @@ from envs.robot.schemas import FollowOneSideConfig
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.config.values import LabelsConfig
 from fnnq_torchrl.studies.experiments import Job, NoResults
 from fnnq_torchrl.training.jobs import SNAPSHOTS
 from fnnq_torchrl.training.weights import Snapshots, load_snapshots
 
 Weights = dict[str, Tensor]
+
+
+def kind_of(config: Config) -> str:
+    """Return what the page calls a value function: its kind and, if not Gaussian, its labels."""
+    value = config.value
+    labels = value.inputs["bearing"] if isinstance(value, LabelsConfig) else []
+    shapes = {next(iter(label)) for label in labels if isinstance(label, dict)}
+    words = "".join(f", {len(labels)} {shape}s" for shape in sorted(shapes))
+    return f"{value.kind}{words}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +83,8 @@ class Learner:
 
     @property
     def kind(self) -> str:
-        """The kind of value function."""
-        kind: str = self.config.value.kind
-        return kind
+        """The value function, as the page calls it."""
+        return kind_of(self.config)
 
     @property
     def edge_rad(self) -> float:

@@ -6,7 +6,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from fnnq_torchrl.equations.membership import firing_shares, rule_width
+from fnnq_torchrl.equations.membership import firing_shares
+from fnnq_torchrl.equations.membership_functions import rule_width
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
 from fnnq_torchrl.studies.statistics import bootstrap_interval

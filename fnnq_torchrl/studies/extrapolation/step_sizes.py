@@ -8,6 +8,8 @@ from fnnq_torchrl.studies.experiments import Experiment, NoResults
 from fnnq_torchrl.studies.reproduction.markdown import interval_words
 from fnnq_torchrl.studies.statistics import Interval, bootstrap_interval, choose_by_half
 
+from .learners import kind_of
+
 
 @dataclass(frozen=True)
 class BestStep:
@@ -36,8 +38,8 @@ def best_steps(sweep: Experiment) -> dict[str, BestStep]:
         ValueError: if there are too few seeds for `choose_by_half`.
     """
     found = {}
-    for kind in sweep.values("value.kind"):
-        jobs = [job for job in sweep.jobs if job.settings["value.kind"] == kind]
+    for kind in dict.fromkeys(kind_of(job.config) for job in sweep.jobs):
+        jobs = [job for job in sweep.jobs if kind_of(job.config) == kind]
         alphas = [job.settings["alpha"] for job in jobs]
         best = choose_by_half([job.evaluations.mean_score[: sweep.runs] for job in jobs])
         score = bootstrap_interval(np.mean, best.judged)
