@@ -93,7 +93,9 @@ def distil(
     blank = FuzzySystem(tuple(states), action.name, zeros, t_norm, elsewhere)
     firing = blank.firing(grid).flatten(1)
     low, high = action.span()
-    fitted = lsq_linear(firing.numpy(), actions.numpy(), (low, high)).x
+    # The same least squares with as many equations as there are numbers.
+    turned, triangle = torch.linalg.qr(firing)
+    fitted = lsq_linear(triangle.numpy(), (turned.T @ actions).numpy(), (low, high)).x
     numbers = torch.from_numpy(fitted).clamp(low, high).view_as(zeros)
     distilled = FuzzySystem(tuple(states), action.name, numbers, t_norm, elsewhere)
     differences = (distilled.evaluate(grid) - actions).abs()

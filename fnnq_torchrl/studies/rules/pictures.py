@@ -65,9 +65,9 @@ def memberships(reading: Reading) -> Figure:
     ):
         x = torch.linspace(*variable.span(), _POINTS, dtype=torch.float64)
         degrees = variable.log_degrees(x).exp().numpy()
-        axes.fill_between(x, 0, degrees.max(axis=0), color="0.93", linewidth=0)
+        axes.fill_between(x.numpy(), 0, degrees.max(axis=0), color="0.93", linewidth=0)
         for label, degree, (colour, style) in zip(variable.labels, degrees, LINES, strict=False):
-            axes.plot(x, degree, color=colour, linestyle=style, label=label.name)
+            axes.plot(x.numpy(), degree, color=colour, linestyle=style, label=label.name)
         for low, high in variable.gaps():
             axes.axvspan(low, high, color="0.85")
         axes.set_xlabel(variable.name)
@@ -104,13 +104,17 @@ def surface(reading: Reading) -> Figure:
     )
     axes = figure.add_subplot()
     mesh = axes.pcolormesh(
-        x, y, rules.evaluate(points), cmap="viridis", shading="nearest", rasterized=True
+        x.numpy(),
+        y.numpy(),
+        rules.evaluate(points).numpy(),
+        cmap="viridis",
+        shading="nearest",
+        rasterized=True,
     )
     figure.colorbar(mesh, ax=axes, label="Q")
-    axes.plot(x, rules.greedy(states), color="white")
-    axes.plot(
-        x, reading.controller.distilled.evaluate(states), color="white", linestyle="--", linewidth=1
-    )
+    axes.plot(x.numpy(), rules.greedy(states).numpy(), color="white")
+    smooth = reading.controller.distilled.evaluate(states).numpy()
+    axes.plot(x.numpy(), smooth, color="white", linestyle="--", linewidth=1)
     axes.set_xlabel(state.name)
     axes.set_ylabel(rules.action.name)
     return figure
@@ -128,13 +132,12 @@ def consequents(chosen: Chosen, snapshots: Snapshots) -> Figure:
     caption = "a panel for each label of the action, a line for each of the state"
     figure = new_figure(3 * columns, 3.6, f"Consequents while learning, {chosen.words}", caption)
     panels = figure.subplots(1, columns, sharey=True, squeeze=False)[0]
-    of_states = history.reshape(len(history), -1, columns)
+    of_states = history.reshape(len(history), -1, columns).numpy()
+    situations = snapshots.situations.numpy()
     names = [rules.premise(labels[:-1]) for labels, _ in rules.rules()][::columns]
     for column, axes in enumerate(panels):
         for place, (colour, style) in zip(range(of_states.shape[1]), LINES, strict=False):
-            axes.plot(
-                snapshots.situations, of_states[:, place, column], color=colour, linestyle=style
-            )
+            axes.plot(situations, of_states[:, place, column], color=colour, linestyle=style)
         axes.set_title(f"{rules.action.name} is {rules.action.labels[column].name}", fontsize=9)
         axes.set_xlabel("learning situations")
         quiet_grid(axes)
@@ -169,10 +172,10 @@ def episode(reading: Reading, situation: int) -> Figure:
     names = [rules.premise(labels) for labels, _ in rules.rules()]
     order = firing.sum(0).argsort(descending=True)[:_MOST_LINES].tolist()
     for place, (colour, style) in zip(order, LINES, strict=False):
-        strengths.plot(firing[:, place], color=colour, linestyle=style, label=names[place])
+        strengths.plot(firing[:, place].numpy(), color=colour, linestyle=style, label=names[place])
     strengths.set_ylabel("firing strength")
     strengths.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, 1.35), ncols=2)
-    errors.plot(error, color="black", linewidth=1)
+    errors.plot(error.numpy(), color="black", linewidth=1)
     errors.set_ylabel("TD error")
     errors.set_xlabel("step")
     for axes in (strengths, errors):
@@ -192,13 +195,14 @@ def _path(axes: Axes, before: TensorDictBase, after: TensorDictBase, reading: Re
     """The robot's way and the ball's, where the world has them; else the observations."""
     if not {"x_m", "y_m", "ball_angle_rad"} <= {*after.keys()}:
         for name, (colour, style) in zip(reading.played.names, LINES, strict=False):
-            axes.plot(before[name].squeeze(-1), color=colour, linestyle=style, label=name)
+            axes.plot(before[name].squeeze(-1).numpy(), color=colour, linestyle=style, label=name)
         axes.legend(fontsize=7)
         axes.set_xlabel("step")
         return quiet_grid(axes)
     radius_m, angle = reading.job.config.env.circle_radius_m, after["ball_angle_rad"].squeeze(-1)
-    ball = radius_m * torch.stack([angle.cos(), angle.sin()])
-    axes.plot(after["x_m"].squeeze(-1), after["y_m"].squeeze(-1), color=LINES[0][0], label="robot")
+    ball = radius_m * torch.stack([angle.cos(), angle.sin()]).numpy()
+    robot = torch.cat([after["x_m"], after["y_m"]], dim=-1).T.numpy()
+    axes.plot(*robot, color=LINES[0][0], label="robot")
     axes.plot(*ball, color=LINES[1][0], label="ball")
     axes.plot([0], [0], "o", color=LINES[0][0])
     axes.plot(*ball[:, -1:], "o", color=LINES[1][0])
