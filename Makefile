@@ -13,7 +13,7 @@ SB3 := benchmarks/peers/.venv
 FOREIGN := tests/foreign/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules prior test foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation memberships rules prior test foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -49,6 +49,11 @@ rules: install  ## docs/rules.md: do distilled controllers catch what the learne
 prior: install  ## docs/prior.md: what prior knowledge does to learning, over 1,000 seeds (takes three minutes)
 	$(EXPERIMENT) +experiment=prior
 	$(BIN)/python -m fnnq_torchrl.prior
+
+memberships: install  ## docs/memberships.md: are clustered labels better than those by hand, over 1,000 seeds (takes five minutes)
+	$(EXPERIMENT) num_seeds=22 hydra.run.dir=outputs/visited
+	$(EXPERIMENT) +experiment=memberships num_seeds=$(SEEDS)
+	$(BIN)/python -m fnnq_torchrl.memberships
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto

@@ -55,9 +55,14 @@ def write_snapshots(directory: Path, config: Config) -> None:
 
 
 def write_results(root: Path, kinds: Sequence[str]) -> None:
-    """Both experiments of these value functions, α = 0.1 being the best of 0.05, 0.1, 0.2."""
+    """Both experiments of these value functions, α = 0.1 being the best of 0.05, 0.1, 0.2.
+
+    What follows a comma stands for labels that are two triangles.
+    """
     for number, kind in enumerate(kinds):
-        config = extrapolating(f"value={kind}", "alpha=0.1")
+        of_kind, _, labels = kind.partition(", ")
+        two = "value.inputs.bearing=[{triangle: [-1.5, -0.5, 0.5]}, {triangle: [-0.5, 0.5, 1.5]}]"
+        config = extrapolating(f"value={of_kind}", "alpha=0.1", *[two] * bool(labels))
         for place, decay in enumerate((config.alpha_decay, 1.0)):
             job = root / "extrapolation" / "2026-01-02_03-04-05" / str(2 * number + place)
             write_job(job, replace(config, alpha_decay=decay), 4.0)

@@ -16,6 +16,7 @@ from benchmarks.peers.results import (
     WORDS,
     at_last,
     read_results,
+    score_interval,
     write_results,
 )
 from benchmarks.peers.runs import Run
@@ -113,9 +114,14 @@ def results_with(ours: int, theirs: int) -> dict[str, list[Run]]:
 @pytest.mark.parametrize(
     ("ours", "theirs", "said", "arrives"),
     [
-        (4, 2, "an advantage", "doesn't come to 4 catches on average, or not to stay"),
-        (2, 4, "a disadvantage", "stays at 4 catches on average or above after 400 steps"),
-        (3, 3, "which may be chance", "doesn't come to 4 catches on average, or not to stay"),
+        (4, 2, ": an advantage.", "doesn't come to 4 catches on average, or doesn't stay there"),
+        (2, 4, ": a disadvantage.", "is at 4 catches on average or above from 400 steps on"),
+        (
+            3,
+            3,
+            ": this may be chance.",
+            "doesn't come to 4 catches on average, or doesn't stay there",
+        ),
     ],
 )
 def test_what_the_page_concludes(ours, theirs, said, arrives):
@@ -124,10 +130,10 @@ def test_what_the_page_concludes(ours, theirs, said, arrives):
     assert said in others[1]
     assert all(peer.words in line for peer, line in zip(PEERS.values(), others, strict=False))
     assert arrives in others[0]
-    assert ("after 400 steps" in own) == (ours == 4)
+    assert ("from 400 steps on" in own) == (ours == 4)
     # 12 s against 12 s, and against 24 s of eager steps.
     assert "takes 1.00 times as long" in others[2]
-    assert "and about 0.5 times as long" in others[2]
+    assert "It takes about 0.5 times as long" in others[2]
 
 
 @pytest.mark.parametrize(
@@ -149,6 +155,15 @@ def test_the_page_is_written_from_the_results_file(tmp_path):
     assert "$" not in page
     assert "a machine" in page
     assert all(words in page for words in WORDS.values())
+
+
+def test_no_interval_of_a_score_leaves_the_scale():
+    scores = np.array([[0, 4, 5], [0, 5, 5], [1, 5, 5]])
+    mean, low, high = score_interval(scores, best=5)
+    np.testing.assert_allclose(mean, scores.mean(axis=0))
+    assert low.tolist()[0] == 0
+    assert high.tolist()[1:] == [5, 5]
+    assert ((low <= mean) & (mean <= high)).all()
 
 
 def test_every_peer_has_been_tuned():

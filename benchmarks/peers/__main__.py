@@ -1,4 +1,4 @@
-"""TorchRL's and Stable-Baselines3's DQN beside Q(λ): docs/peers.md and its figure.
+"""Compare the DQNs of TorchRL and Stable-Baselines3 with Q(λ): docs/peers.md and its figure.
 
 python -m benchmarks.peers [--seeds 6] [--redraw]
 """
@@ -23,17 +23,17 @@ from .task import EVERY, STEPS, task
 from .tune import best_rate, read_tuning
 
 TIMES = 3
-"""How often a run of ours is timed, whose time is short."""
+"""The number of times that a run of ours is timed."""
 
 FEWEST = 5
-"""Runs of a learner that a conclusion may rest on."""
+"""The smallest number of runs of a learner that a conclusion may rest on."""
 
 Measured = Iterator[tuple[str, list[Run]]]
-"""Runs with the names of their learners."""
+"""Runs, each list with the name of its learner."""
 
 
 def measure_ours(steps: int, runs: int) -> Measured:
-    """Scores of batches, and the time of single runs."""
+    """Measure the scores of our batches, and the time of our single runs."""
     batch = f"num_seeds={runs}", "engine=compiled"
     single = fuzzy_command(steps, "lam=0.2", "engine=compiled")
     alone(single)  # fills the cache of compiled programs
@@ -45,7 +45,7 @@ def measure_ours(steps: int, runs: int) -> Measured:
 
 
 def measure_peers(steps: int, seeds: int) -> Measured:
-    """The peers in turn, since what else the machine does varies."""
+    """Measure the peers in turn, so that other work on the machine slows them alike."""
     rates = {peer: best_rate(scores) for peer, scores in read_tuning().items()}
     cases = list(product(range(seeds), PEERS))
     commands = [PEERS[peer].command(seed, steps, rates[peer]) for seed, peer in cases]
@@ -55,12 +55,12 @@ def measure_peers(steps: int, seeds: int) -> Measured:
 
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=6, help="of each peer")
-    parser.add_argument("--runs", type=int, default=1000, help="of ours")
-    parser.add_argument("--steps", type=int, default=STEPS, help="of learning, of each run")
+    parser.add_argument("--seeds", type=int, default=6, help="seeds of each peer")
+    parser.add_argument("--runs", type=int, default=1000, help="seeds of each of our learners")
+    parser.add_argument("--steps", type=int, default=STEPS, help="learning steps of each run")
     parser.add_argument("--results", type=Path, default=Path("outputs/peers/results.json"))
-    parser.add_argument("--to", type=Path, default=Path("docs"), help="where the page goes")
-    parser.add_argument("--redraw", action="store_true", help="from the results as they are")
+    parser.add_argument("--to", type=Path, default=Path("docs"), help="the folder of the page")
+    parser.add_argument("--redraw", action="store_true", help="only read the results file")
     given = parser.parse_args()
     if min(given.seeds, given.runs) < FEWEST:
         parser.error(f"the page concludes from {FEWEST} runs of each learner or more")
@@ -72,13 +72,13 @@ def main() -> None:
     if not given.redraw:
         if absent := [peer.python for peer in PEERS.values() if not Path(peer.python).exists()]:
             sys.exit(f"{absent[0]} isn't there: make peers installs it")
-        # Who else was busy makes wall times longer.
+        # Other work on the machine makes wall times longer, so the page gives the load.
         machine = f"{describe_machine()}, at a load of {os.getloadavg()[0]:.1f} before we began"
         measured = defaultdict(list)
         ours = measure_ours(given.steps, given.runs)
         for name, runs in chain(ours, measure_peers(given.steps, given.seeds)):
             measured[name] += runs
-            write_results(given.results, machine, measured)  # what is there is kept
+            write_results(given.results, machine, measured)  # an interrupt loses little
     machine, results = read_results(given.results)
     if missing := [name for name in (ALONE, EAGER) if name not in results]:
         sys.exit(f"{given.results} has no runs of {missing[0]}: make peers")

@@ -1,7 +1,7 @@
-"""A deep Q-network as both peers have it: the same architecture and schedule, Adam, Huber's loss.
+"""The deep Q-network of both peers: the same architecture and schedule, Adam, the Huber loss.
 
 V. Mnih et al., "Human-level control through deep reinforcement learning", Nature 518, 2015, with
-numbers for a small task that were set beforehand. Only the learning rate was sought (tune.py).
+settings for a small task that were chosen beforehand. Only the learning rate was tuned (tune.py).
 """
 
 import argparse
@@ -14,22 +14,22 @@ from .task import STEPS
 
 @dataclass(frozen=True)
 class Settings:
-    """What is the same for both libraries, but for the learning rate, each's best."""
+    """The settings of both libraries' DQNs, the same but for the learning rate."""
 
     learning_rate: float
-    hidden: tuple[int, ...] = (64, 64)  # units of the layers between, with ReLU
-    batch: int = 64  # transitions of an update
-    buffer: int = STEPS  # all that it has lived through
-    warm_up: int = 500  # steps before the first update, of random actions
-    collect: int = 4  # steps, and then as many updates
-    tau: float = 0.01  # of the way that the target network goes to the other at each step
-    epsilon: float = 0.1  # probability of a random action, as ours
-    anneal: int = 2_000  # steps in which it comes down to that from 1
-    gradient_norm: float = 10.0  # at most
+    hidden: tuple[int, ...] = (64, 64)  # units of the hidden layers, with ReLU
+    batch: int = 64  # transitions in an update
+    buffer: int = STEPS  # transitions kept: all of a run
+    warm_up: int = 500  # steps with random actions before the first update
+    collect: int = 4  # steps between updates, and then as many updates
+    tau: float = 0.01  # share of the way that the target network moves at each update
+    epsilon: float = 0.1  # probability of a random action, the same as ours
+    anneal: int = 2_000  # steps in which that probability falls from 1 to epsilon
+    gradient_norm: float = 10.0  # the largest norm of a gradient
 
 
 def command_line(learn: Callable[[Settings, int, int], Run]) -> None:
-    """One run, by ``sys.argv``; prints it as a line."""
+    """Learn one run as ``sys.argv`` says, and print it as a line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--steps", type=int, required=True)
@@ -39,7 +39,7 @@ def command_line(learn: Callable[[Settings, int, int], Run]) -> None:
 
 
 def in_words(settings: Settings) -> list[tuple[str, str]]:
-    """Each setting but the learning rate, by its name."""
+    """Return the name and value of each setting but the learning rate."""
     values = asdict(settings).items()
     return [
         (name.replace("_", " "), f"{value:,}" if isinstance(value, int) else str(value))

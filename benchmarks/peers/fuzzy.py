@@ -1,4 +1,4 @@
-"""Ours: Q(λ) on the fuzzy rule base, as the command trains it.
+"""Our learner: Q(λ) on the fuzzy rule base, as the command trains it.
 
 python -m benchmarks.peers.fuzzy --steps 12000 lam=0.2 num_seeds=1000
 """
@@ -19,7 +19,7 @@ from .task import moments
 
 
 def enough(config: Config, steps: int) -> int:
-    """So many situations take at least so many steps, however fast they end."""
+    """Return a number of situations that takes at least that many steps, however fast they end."""
     every = config.evaluation.every
     return every * math.ceil(steps / config.env.fewest_steps / every)
 
@@ -27,18 +27,18 @@ def enough(config: Config, steps: int) -> int:
 def scores_at(
     moments: NDArray[np.int64], taken: NDArray[np.int64], catches: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """A run's score after so many steps: that of its last evaluation until then.
+    """Return a run's score at some numbers of steps: that of its last evaluation before each.
 
     Args:
-        moments: the steps in question.
-        taken: the run's steps before each of its evaluations.
-        catches: the score in each.
+        moments: the numbers of steps.
+        taken: the steps that the run had learned before each of its evaluations.
+        catches: the score in each evaluation.
     """
     return catches[np.searchsorted(taken, moments, side="right") - 1]
 
 
 def learn(steps: int, overrides: list[str]) -> Iterator[Run]:
-    """All runs of a batch; each one's wall time is its share of the batch's."""
+    """Yield all runs of a batch. The wall time of each is its share of the batch's wall time."""
     situations = enough(load_config(*overrides), steps)
     config = load_config(*overrides, f"situations={situations}")
     trainer = Trainer.of(config)

@@ -14,9 +14,9 @@ class Peer:
     """A library's DQN.
 
     Attributes:
-        words: what figures and the page call it.
-        module: which of this folder's it is.
-        python: the interpreter that has the library.
+        words: its name in figures and on the page.
+        module: the module of this folder that runs it.
+        python: the interpreter that has the library installed.
     """
 
     words: str
@@ -24,7 +24,7 @@ class Peer:
     python: str
 
     def command(self, seed: int, steps: int, learning_rate: float) -> Command:
-        """What prints one run."""
+        """Return the command that prints one run."""
         given = {"seed": seed, "steps": steps, "learning-rate": learning_rate}
         options = [word for key, value in given.items() for word in (f"--{key}", str(value))]
         return [self.python, "-m", f"benchmarks.peers.{self.module}", *options]
@@ -37,6 +37,6 @@ PEERS = {
 
 
 def fuzzy_command(steps: int, *overrides: str) -> Command:
-    """What prints our runs."""
+    """Return the command that prints our runs."""
     module = "benchmarks.peers.fuzzy"
     return [sys.executable, "-m", module, "--steps", str(steps), *overrides]

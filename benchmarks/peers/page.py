@@ -1,4 +1,4 @@
-"""docs/peers.md: figures in a template. What the page concludes is computed from the runs too."""
+"""The page docs/peers.md: a template with figures and conclusions, both computed from the runs."""
 
 import textwrap
 from collections.abc import Sequence
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.stats import ttest_ind
 
 from benchmarks.tables import short, spread, table
-from fnnq_torchrl.training.intervals import mean_interval
 from fnnq_torchrl.training.results import CONFIDENCE, FINAL_EVALUATIONS
 
 from .dqn import Settings, in_words
@@ -27,65 +26,70 @@ from .results import (
     eager_seconds,
     final_score,
     mean_score,
+    score_interval,
     seconds,
 )
 from .task import task
 from .tune import FIRST_SEED, LEARNING_RATES, best_rate, read_tuning
 
 GOAL = 4
-"""Catches of five whose time is told."""
+"""The score, in catches of five, whose time of arrival the page gives."""
 
 _TEMPLATE = Template("""\
 # Peers on the same task
 
-`make peers` measures these figures and writes this page, its conclusions too. Measured on
-$machine.
+Q(λ) on a fuzzy rule base is meant for learning from little data. Here it learns the same task as
+two usual deep Q-networks, from as many steps:
 
-Q(λ) on a fuzzy rule base is meant for learning from little. So the question is what usual deep
-Q-learning makes of the same task with as many steps: the same world, the same $candidates candidate
-actions, γ = $gamma, the same end of a situation, and $steps learning steps. Every $every steps the
-greedy policy plays the paper's five situations; its *score* is how many of them it ends in a catch.
+$conclusion
 
 ![Score against learning steps, and against wall time](figures/peers.png)
 
-$conclusion
+All learn in the same world, with the same $candidates candidate actions, γ = $gamma, the same end
+of a situation and $steps learning steps. Every $every steps the greedy policy plays the paper's
+five situations; its *score* is the number of catches.
+
+`make peers` measures the figures and writes this page, its conclusions included. They were measured
+on $machine.
 
 ## What they learn
 
 The *mean score* is over all evaluations after learning began, the *final score* over the last
-$final; brackets are $confidence % Student's t intervals over the runs. The last column says after
-how many steps the mean over the runs is at $goal catches or above, and stays there.
+$final. Brackets are $confidence % Student's t intervals over the runs, cut off at $best catches.
+The last column has the steps after which the mean over the runs is at $goal catches or above, and
+stays there.
 
 $learning
 
 ## How long it takes
 
-Wall time of one run of $steps steps, without imports and evaluation: medians, with the fastest and
-the slowest. Ours ran by themselves, the peers as many at once as there are cores, with a thread
-each, on a machine shared with others. *The world* is what of it the world's own steps took, which
-all learners share: eagerly, it is TorchRL and TensorDict's way of doing small things. *To $goal
-catches* includes compiling, whose programs the cache on disk already had.
+The table has the wall time of one run of $steps steps, without imports and evaluation: the median,
+with the fastest and the slowest. Each of our runs had the machine for itself, or as much of it as
+other users left. Of the peers' runs, as many ran at once as there are cores, with one thread each.
+*The world* is the part of the time that the world's own steps took; eagerly, most of that is the
+work of TorchRL and TensorDict for each small step. *To $goal catches* includes compiling, with the
+programs already in the cache on disk.
 
 $time
 
 ## Who they are
 
-* *Q(λ)* is this package with its defaults, with and without a trace: 20 weights, none of whose
-  parameters was sought for this comparison. It is evaluated after every five situations; its score
-  after so many steps is that of the last evaluation until then.
+* *Q(λ)* is this package with its defaults, with and without a trace. It has 20 weights, and none
+  of its parameters was tuned for this comparison. It is evaluated after every five situations; its
+  score at a number of steps is that of its last evaluation before.
 * *DQN, TorchRL* is made of TorchRL's own `DQNLoss`, `SoftUpdate`, `Collector`, replay buffer and
   `EGreedyModule`, on `FollowBall` with an `ActionDiscretizer`.
-* *DQN, Stable-Baselines3* is its `DQN`, through `envs.gymnasium.GymWorld`, which both
-  Gymnasium's and its own checker of environments pass. It has an environment of its own,
-  `benchmarks/peers/.venv`.
+* *DQN, Stable-Baselines3* is its `DQN` on `envs.gymnasium.GymWorld`, which passes both Gymnasium's
+  checker of environments and that of Stable-Baselines3. It is installed in an environment of its
+  own, `benchmarks/peers/.venv`.
 
-Both DQNs see the bearing as it is, in ±1 rad, and have the same architecture and schedule, with
-Adam and Huber's loss:
+Both DQNs observe the bearing in rad, within ±1, and have the same architecture and schedule, with
+Adam and the Huber loss:
 
 $settings
 
-The learning rate is each one's best of those that were tried, by the mean score over runs from seed
-$first_seed on, which appear nowhere else (`python -m benchmarks.peers.tune`):
+Each DQN has the best of the learning rates that were tried, by the mean score over runs from seed
+$first_seed on. Those seeds are used nowhere else (`python -m benchmarks.peers.tune`):
 
 $tuning
 
@@ -97,9 +101,9 @@ def write_page(path: Path, machine: str, results: Results) -> None:
     """Write the page.
 
     Args:
-        path: of the page.
-        machine: on which the results were measured.
-        results: of all learners.
+        path: the file to write.
+        machine: the machine on which the results were measured, in words.
+        results: the runs of all learners.
     """
     config = task()
     moments = results[OURS][0].steps
@@ -112,6 +116,7 @@ def write_page(path: Path, machine: str, results: Results) -> None:
         "every": moments[1],
         "final": FINAL_EVALUATIONS,
         "confidence": f"{100 * CONFIDENCE:g}",
+        "best": len(config.evaluation.situations),
         "goal": GOAL,
         "conclusion": "\n".join(map(_bullet, conclusions(results))),
         "learning": _learning_table(results),
@@ -125,7 +130,7 @@ def write_page(path: Path, machine: str, results: Results) -> None:
 
 
 def conclusions(results: Results) -> list[str]:
-    """What the runs say of each peer, a sentence for each question."""
+    """Return the conclusions from the runs: when each learner arrives, and how long a run takes."""
     ours = WORDS[OURS]
     lines = [f"{ours} {_arrives(results, OURS)}."]
     for name, peer in PEERS.items():
@@ -134,22 +139,22 @@ def conclusions(results: Results) -> list[str]:
         low, high = _difference_interval(mean_score(results[OURS]), scores)
         lines.append(
             f"{peer.words} {_arrives(results, name)}. Over all evaluations {ours} scores "
-            f"{difference:+.2f} catches by comparison ({low:+.2f} to {high:+.2f}), "
+            f"{difference:+.2f} catches relative to it ({low:+.2f} to {high:+.2f}): "
             f"{_verdict(low, high)}."
         )
     alone, eager = seconds(results[ALONE])[-1], eager_seconds(results)[-1]
     for name, peer in PEERS.items():
         theirs = seconds(results[name])[-1]
         lines.append(
-            f"A run of {peer.words} takes {short(theirs / alone)} times as long as one of ours "
-            f"compiled, compiling included, and {_about(theirs / eager)} as one of ours that steps "
-            "eagerly, as the peers do, but had the machine for itself."
+            f"A run of {peer.words} takes {short(theirs / alone)} times as long as a compiled run "
+            f"of ours, compiling included. It takes {_about(theirs / eager)} as a run of ours that "
+            "steps eagerly, as the peers do, but had the machine for itself."
         )
     return lines
 
 
 def _about(ratio: float) -> str:
-    """A ratio of times that weren't taken under the same conditions."""
+    """Return a ratio of times in words: a rough one, since the conditions weren't the same."""
     return "about as long" if 2 / 3 < ratio < 3 / 2 else f"about {ratio:.2g} times as long"
 
 
@@ -158,19 +163,18 @@ def _bullet(line: str) -> str:
 
 
 def _arrives(results: Results, name: str) -> str:
-    """When the mean is there to stay, in words that follow a learner's name."""
+    """Return the steps after which the mean stays at the goal, in words after a learner's name."""
     place = at_last(results[name], GOAL)
     if place is None:
-        return f"doesn't come to {GOAL} catches on average, or not to stay"
-    return (
-        f"stays at {GOAL} catches on average or above after {results[name][0].steps[place]:,} steps"
-    )
+        return f"doesn't come to {GOAL} catches on average, or doesn't stay there"
+    steps = results[name][0].steps[place]
+    return f"is at {GOAL} catches on average or above from {steps:,} steps on"
 
 
 def _difference_interval(
     ours: NDArray[np.float64], theirs: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Of the difference of two means, by Welch's t."""
+    """Return the interval of a difference of two means, by Welch's t."""
     welch = ttest_ind(ours, theirs, equal_var=False)
     low, high = welch.confidence_interval(CONFIDENCE)
     return float(low), float(high)
@@ -179,7 +183,7 @@ def _difference_interval(
 def _verdict(low: float, high: float) -> str:
     if low > 0:
         return "an advantage"
-    return "a disadvantage" if high < 0 else "which may be chance"
+    return "a disadvantage" if high < 0 else "this may be chance"
 
 
 def _learning_table(results: Results) -> str:
@@ -201,7 +205,7 @@ def _learning_table(results: Results) -> str:
 
 
 def _with_interval(samples: NDArray[np.float64]) -> str:
-    center, low, high = mean_interval(samples, confidence=CONFIDENCE)
+    center, low, high = score_interval(samples, len(task().evaluation.situations))
     return f"{center:.2f} ({low:.2f} to {high:.2f})"
 
 

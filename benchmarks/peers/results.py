@@ -4,65 +4,78 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fnnq_torchrl.files.atomic import atomic_write
-from fnnq_torchrl.training.results import FINAL_EVALUATIONS
+from fnnq_torchrl.training.intervals import MeanInterval, mean_interval
+from fnnq_torchrl.training.results import CONFIDENCE, FINAL_EVALUATIONS
 
 from .learners import PEERS
 from .runs import Run
 
 OURS, NO_TRACE = "lam=0.2", "lam=0"
-"""Each a batch."""
+"""Our learners whose scores are shown; the runs of each are one batch."""
 
 ALONE, EAGER = "alone", "eager"
-"""λ = 0.2, one run at a time; the latter shorter."""
+"""Our runs with λ = 0.2 whose time is shown, one at a time: compiled, and a short one eager."""
 
 WORDS = {OURS: "Q(λ), λ = 0.2", NO_TRACE: "Q(λ), λ = 0"} | {
     name: peer.words for name, peer in PEERS.items()
 }
-"""What figures and the page call the learners that they compare."""
+"""The names of the compared learners in figures and on the page."""
 
 Results = Mapping[str, list[Run]]
 
 
 def catches(runs: list[Run]) -> NDArray[np.int64]:
-    """Of all evaluations, ``[runs, evaluations]``."""
+    """Return the catches in all evaluations, ``[runs, evaluations]``."""
     return np.array([run.catches for run in runs])
 
 
 def mean_score(runs: list[Run]) -> NDArray[np.float64]:
-    """Of each run, over all evaluations after learning began."""
+    """Return each run's mean score over all evaluations after learning began, ``[runs]``."""
     return catches(runs)[:, 1:].mean(axis=1)
 
 
 def final_score(runs: list[Run]) -> NDArray[np.float64]:
-    """Of each run, over the last evaluations."""
+    """Return each run's mean score over the last evaluations, ``[runs]``."""
     return catches(runs)[:, 1:][:, -FINAL_EVALUATIONS:].mean(axis=1)
 
 
 def seconds(runs: list[Run]) -> NDArray[np.float64]:
-    """Of wall time until each evaluation, compiling included: the mean over the runs."""
+    """Return the mean wall time until each evaluation, compiling included, ``[evaluations]``."""
     return np.mean([np.add(run.seconds, run.compile_seconds) for run in runs], axis=0)
 
 
 def eager_seconds(results: Results) -> NDArray[np.float64]:
-    """Of a whole run of ours that steps as fast as the shorter one that was measured."""
+    """Return the wall time until each evaluation of an eager run, at the speed of the short one."""
     [run] = results[EAGER]
     return np.array(results[OURS][0].steps) * run.seconds[-1] / run.steps[-1]
 
 
 def at_last(runs: list[Run], goal: float) -> int | None:
-    """From which evaluation on the runs catch so many on average, to the end, if from any.
+    """Return the evaluation from which on the mean over the runs stays at the goal, or None.
 
-    A network may steer well by chance before it has learned anything.
+    Earlier arrivals don't count: a network may steer well by chance before it has learned anything.
     """
     means = catches(runs).mean(axis=0)
     below = np.flatnonzero(means < goal)
     place = int(below[-1]) + 1 if below.size else 0
     return place if place < means.size else None
+
+
+def score_interval(scores: NDArray[Any], best: int) -> MeanInterval:
+    """Return the mean over the runs with its Student's t interval, cut off where no score can be.
+
+    Args:
+        scores: catches or means of catches, ``[runs, ...]``.
+        best: the highest possible score.
+    """
+    mean, low, high = mean_interval(scores, confidence=CONFIDENCE)
+    return MeanInterval(mean, np.maximum(low, 0), np.minimum(high, best))
 
 
 def write_results(path: Path, machine: str, results: Results) -> None:
@@ -73,7 +86,7 @@ def write_results(path: Path, machine: str, results: Results) -> None:
 
 
 def read_results(path: Path) -> tuple[str, Results]:
-    """The machine in words, and the runs."""
+    """Return the machine in words, and the runs."""
     kept = json.loads(path.read_text(encoding="utf-8"))
     return kept["machine"], {
         name: [Run(**run) for run in runs] for name, runs in kept["runs"].items()

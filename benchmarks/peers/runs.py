@@ -1,4 +1,4 @@
-"""What a run of a learner comes to, and processes that run learners."""
+"""The result of a learner's run, and the processes that run learners."""
 
 import json
 import os
@@ -16,7 +16,7 @@ Command = Sequence[str]
 
 @dataclass(frozen=True)
 class Run:
-    """One run; the lists have an entry for each evaluation, the first before learning."""
+    """One run. The lists have an entry for each evaluation; the first is before learning."""
 
     seed: int
     steps: list[int]  # learning steps so far
@@ -24,7 +24,7 @@ class Run:
     catches: list[int]
     versions: dict[str, str]  # of the libraries it ran with
     compile_seconds: float = 0.0
-    world_seconds: float | None = None  # what the world's own steps took, if that was measured
+    world_seconds: float | None = None  # the time of the world's own steps, if it was measured
 
     @property
     def mean_score(self) -> float:
@@ -44,19 +44,19 @@ def versions_of(*libraries: str) -> dict[str, str]:
 
 
 def alone(command: Command) -> list[Run]:
-    """The runs that a command prints, while nothing else of ours runs.
+    """Return the runs that a command prints, while we run nothing else.
 
     Raises:
-        CalledProcessError: it failed; what it said is a note of the error.
+        CalledProcessError: the command failed; the error has its output as a note.
     """
     return _runs(command, {})
 
 
 def side_by_side(commands: Iterable[Command]) -> Iterator[list[Run]]:
-    """The runs that each command prints, as many at once as there are cores, with a thread each.
+    """Yield the runs that each command prints; as many run at once as there are cores.
 
     Raises:
-        CalledProcessError: one failed; what it said is a note of the error.
+        CalledProcessError: a command failed; the error has its output as a note.
     """
     single = {"OMP_NUM_THREADS": "1"}
     with ThreadPoolExecutor(os.cpu_count()) as pool:

@@ -17,7 +17,7 @@ from .task import EVERY, Diary, WorldClock, score, task
 
 
 class Snapshots(BaseCallback):
-    """Notes down the network before learning and then regularly."""
+    """A callback that keeps a copy of the network before learning, and then regularly."""
 
     diary: Diary
 
@@ -35,7 +35,7 @@ def learn(settings: Settings, seed: int, steps: int) -> Run:
     config = task()
     env = GymWorld(config.env, config.action.candidates)
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # what its checker only advises counts too
+        warnings.simplefilter("error")  # its checker's advice counts as an error too
         check_env(env)
     clock = WorldClock(env.world)
     model = DQN(

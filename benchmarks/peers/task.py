@@ -1,4 +1,4 @@
-"""What every learner is given: the same world, as many steps, and the same test."""
+"""The task of every learner: the same world, the same number of steps, and the same test."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -14,24 +14,24 @@ from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.evaluation import FIRST_EPISODE
 
 STEPS = 12_000
-"""Of learning: about what 200 situations take with λ = 0.2."""
+"""The number of learning steps: about as many as 200 situations take with λ = 0.2."""
 
 EVERY = 400
-"""Steps from one evaluation to the next."""
+"""The number of steps from one evaluation to the next."""
 
 
 def moments(steps: int) -> list[int]:
-    """The steps after which a learner of so many is evaluated: before the first, and regularly."""
+    """Return the numbers of steps after which a learner is evaluated, from 0 on."""
     return list(range(0, steps + 1, EVERY))
 
 
 def task() -> Config:
-    """World, candidates, γ and test are our defaults, for the peers too."""
+    """Return the default configuration: its world, candidates, γ and test are the peers' too."""
     return load_config()
 
 
 class Diary:
-    """Snapshots of a network that learns: after how many steps, how many seconds, and it."""
+    """Snapshots of a learning network, each with its steps and seconds of learning."""
 
     def __init__(self) -> None:
         self.steps: list[int] = []
@@ -40,14 +40,14 @@ class Diary:
         self._start = perf_counter()
 
     def note(self, step: int, network: nn.Module) -> None:
-        """Note down the network after so many steps."""
+        """Keep a copy of the network after a number of steps."""
         self.seconds.append(perf_counter() - self._start)
         self.steps.append(step)
         self.networks.append(deepcopy(network))
 
 
 class WorldClock:
-    """Counts the seconds that a world takes for its own steps, whoever calls it."""
+    """A clock of the seconds that a world spends in its own steps."""
 
     def __init__(self, world: FollowBall) -> None:
         self.seconds = 0.0
@@ -63,7 +63,7 @@ class WorldClock:
 
 @torch.no_grad()
 def score(networks: Sequence[nn.Module], seed: int, config: Config) -> list[int]:
-    """How many of the test's situations the greedy policy of each network ends in a catch.
+    """Return the number of the test's situations that each network's greedy policy ends in a catch.
 
     Played side by side, all networks and situations, with the random numbers of
     `fnnq_torchrl.training.evaluation`.

@@ -34,7 +34,7 @@ def discrete(world: FollowBall, candidates: int) -> TransformedEnv:
 
 
 def learned_from(collected: TensorDictBase) -> TensorDictBase:
-    """Of what happened, what the loss needs: not the state of the world."""
+    """Return the entries that the loss needs, without the state of the world."""
     keys = ("bearing", "reward", "done", "terminated")
     return collected.select("bearing", "action", *(("next", key) for key in keys))
 

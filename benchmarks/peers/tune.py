@@ -1,4 +1,4 @@
-"""Which learning rate is each peer's best? Writes tuning.csv, from which `make peers` takes it.
+"""Find each peer's best learning rate, and write tuning.csv, from which `make peers` takes it.
 
 python -m benchmarks.peers.tune [--seeds 3]
 """
@@ -17,7 +17,7 @@ from .task import STEPS
 
 LEARNING_RATES = [3e-5, 1e-4, 3e-4, 1e-3, 3e-3]
 FIRST_SEED = 1000
-"""These runs choose the rate; others, with other seeds, are shown."""
+"""The first seed of the runs that choose the rate; the page shows runs with other seeds."""
 
 TUNING = FOLDER / "tuning.csv"
 COLUMNS = ["peer", "learning_rate", "seed", "mean_score"]
@@ -36,7 +36,7 @@ def read_tuning() -> Scores:
 
 
 def best_rate(scores: Mapping[float, list[float]]) -> float:
-    """The rate of the highest mean; of several, to the digits of the file, the largest."""
+    """Return the rate with the highest mean, to three decimals; of several such, the largest."""
     return max(scores, key=lambda rate: (round(mean(scores[rate]), 3), rate))
 
 

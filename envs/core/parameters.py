@@ -54,25 +54,31 @@ class Range:
     words: str
 
 
-def number(low: float = -inf, high: float = inf, *, above: float = -inf) -> Any:
-    """A finite number in [low, high] or, with `above`, in (above, high]."""
+def number(low: float = -inf, high: float = inf, *, above: float = -inf, **default: Any) -> Any:
+    """A finite number in [low, high] or, with `above`, in (above, high].
+
+    Here and below, `default` is for files from before there was such a key.
+    """
     left = f"[{low:g}" if low > above else f"({above:g}"
     right = f"{high:g}]" if high < inf else "inf)"
     return _declare(
         lambda value: _is_finite(value) and low <= value <= high and above < value,
         f"a number in {left}, {right}",
+        **default,
     )
 
 
-def whole(low: int) -> Any:
+def whole(low: int, **default: Any) -> Any:
     """A whole number, at least `low`."""
-    return _declare(lambda value: _is_whole(value) and value >= low, f"a whole number >= {low}")
+    return _declare(
+        lambda value: _is_whole(value) and value >= low, f"a whole number >= {low}", **default
+    )
 
 
-def one_of(*choices: str) -> Any:
+def one_of(*choices: str, **default: Any) -> Any:
     """One of at least two words."""
     *others, last = choices
-    return _declare(lambda value: value in choices, f"{', '.join(others)} or {last}")
+    return _declare(lambda value: value in choices, f"{', '.join(others)} or {last}", **default)
 
 
 def matching(pattern: str, words: str) -> Any:
@@ -82,18 +88,23 @@ def matching(pattern: str, words: str) -> Any:
     )
 
 
-def pairs(first: str, second: str, *, above: float = -inf) -> Any:
-    """A list of pairs of finite numbers, at least one, the second number of each > `above`."""
+def pairs(first: str, second: str, *, above: float = -inf, other: Range | None = None) -> Any:
+    """A list of pairs of finite numbers, at least one, the second number of each > `above`.
 
-    def holds(value: Any) -> bool:
-        return (
-            isinstance(value, list)
-            and len(value) >= 1
-            and all(_is_pair(pair) and pair[1] > above for pair in value)
-        )
+    With `other`, what that holds may stand in the place of a pair.
+    """
+
+    def is_entry(entry: Any) -> bool:
+        if other is not None and other.holds(entry):
+            return True
+        return _is_pair(entry) and bool(entry[1] > above)
 
     bound = f" with {second} > {above:g}" if above > -inf else ""
-    return _declare(holds, f"a list of at least one pair [{first}, {second}]{bound}")
+    words = f"a list of at least one pair [{first}, {second}]{bound}"
+    return _declare(
+        lambda value: isinstance(value, list) and len(value) >= 1 and all(map(is_entry, value)),
+        words if other is None else f"{words}, or {other.words}",
+    )
 
 
 def texts(most: int) -> Any:
@@ -108,7 +119,7 @@ def texts(most: int) -> Any:
 
 
 def words(**default: Any) -> Any:
-    """A list of different words; `default` is for files from before there was such a key."""
+    """A list of different words."""
     return _declare(
         lambda value: (
             isinstance(value, list)
@@ -155,15 +166,17 @@ def whole_or_rows(low: int, row: str) -> Any:
     return _declare(holds, f"a list of at least one {row} [number, …], or a whole number >= {low}")
 
 
-def or_null(declared: Any) -> Any:
+def or_null(declared: Any, **default: Any) -> Any:
     """The same range, which also holds ``null``."""
     range_: Range = declared.metadata[_RANGE]
-    return _declare(lambda value: value is None or range_.holds(value), f"{range_.words}, or null")
+    return _declare(
+        lambda value: value is None or range_.holds(value), f"{range_.words}, or null", **default
+    )
 
 
-def flag() -> Any:
+def flag(**default: Any) -> Any:
     """True or false."""
-    return _declare(lambda value: isinstance(value, bool), "true or false")
+    return _declare(lambda value: isinstance(value, bool), "true or false", **default)
 
 
 def parameters(kinds: Iterable[str]) -> Any:

@@ -11,5 +11,8 @@ def config_directory() -> Path:
 
 
 def choices_of(group: str) -> list[str]:
-    """The names of a group's files, in their order; none, if there is no such group."""
-    return sorted(path.stem for path in (config_directory() / group).glob("*.yaml"))
+    """The names of a group's files, in their order; none, if there is no such group.
+
+    A file whose name begins with ``_`` is a part of others.
+    """
+    return sorted(path.stem for path in (config_directory() / group).glob("[!_]*.yaml"))

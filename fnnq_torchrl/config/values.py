@@ -4,14 +4,16 @@
 is ``module:Class``, has its schema in its class.
 """
 
-from collections.abc import Iterator
+import difflib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import inf, isfinite
 from typing import Any, ClassVar, Self
 
 from envs.core.parameters import (
     OutOfRange,
     Parameters,
+    Range,
     flag,
     matching,
     number,
@@ -26,10 +28,19 @@ from envs.core.parameters import (
 )
 from envs.core.registry import KIND
 from envs.core.world import WorldConfig
+from fnnq_torchrl.equations.membership_functions import (
+    ELSEWHERE,
+    MEMBERSHIP_FUNCTIONS,
+    T_NORMS,
+    Membership,
+    even_labels,
+)
 
 __all__ = [
     "ACTIVATIONS",
+    "CLUSTERED",
     "SCHEMAS",
+    "FuzzyConfig",
     "LabelsConfig",
     "MLPConfig",
     "TilesConfig",
@@ -38,6 +49,12 @@ __all__ = [
 
 ACTIVATIONS = ("tanh", "relu", "leaky_relu")
 """The activation functions of an MLP's hidden units."""
+
+EVEN, CLUSTERED = "even", "clustered"
+"""Where memberships come from, if they aren't given: evenly spaced, or from visited states."""
+
+CLUSTERINGS = ("kmeans", "mixture")
+"""The ways to find clusters: k-means, or a mixture of Gaussians."""
 
 
 @dataclass
@@ -66,20 +83,101 @@ class ValueConfig(Parameters):
                 yield OutOfRange("inputs", inputs, f"a list of at least one of: {names}")
 
 
+def _is_named(label: Any) -> bool:
+    """Whether a label is a mapping {kind: [numbers]} of a single kind."""
+    return (
+        isinstance(label, dict)
+        and len(label) == 1
+        and all(isinstance(kind, str) for kind in label)
+        and all(isinstance(numbers, list) for numbers in label.values())
+        and all(type(number) in (int, float) for numbers in label.values() for number in numbers)
+    )
+
+
+def _a_directory() -> Any:
+    return matching(r".{0,254}\S", "a directory, of at most 255 letters")
+
+
+def _labels() -> Any:
+    """Labels of an input or of the action."""
+    other = Range(_is_named, "{triangle: [a, b, c]} and the like")
+    return or_null(pairs("centre", "width", above=0, other=other))
+
+
 @dataclass
 class LabelsConfig(ValueConfig):
-    """Gaussian labels [centre, width] of every input and of the action, each with each."""
+    """Labels of every input and of the action, each with each.
 
-    inputs: dict[str, list[Any]] = pairs("centre", "width", above=0)
-    action: list[Any] = pairs("centre", "width", above=0)
+    A label is ``[centre, width]`` of a Gaussian or ``{kind: [parameters]}``. What has a default
+    here is missing in older jobs.
+    """
+
+    inputs: Any = _labels()
+    action: Any = _labels()
     width: str = one_of("sigma", "variance")
-    names: dict[str, list[str]] = words(default_factory=dict)  # older jobs have none
+    names: dict[str, list[str]] = words(default_factory=dict)
+    elsewhere: str = one_of(*ELSEWHERE, default="nearest")
+    membership: str = one_of("paper", EVEN, CLUSTERED, default="paper")
+    labels_of_input: int = whole(1, default=5)
+    labels_of_action: Any = or_null(whole(1), default=None)
+    clustering: str = one_of(*CLUSTERINGS, default="kmeans")
+    visited: Any = or_null(
+        matching(r".{0,254}\S", "a directory, of at most 255 letters"), default=None
+    )
+    warm_up: int = whole(1, default=100)
 
     of_each_input: ClassVar = "labels"
 
+    def in_world(self, world: WorldConfig) -> Self:
+        """Return the same with evenly spaced labels, where they are to be so."""
+        names = world.observations if self.inputs is None else self.inputs
+        spans = {name: world.observations.get(name, (-inf, inf)) for name in names}
+        finite = all(isfinite(end) for span in spans.values() for end in span)
+        if self.membership != EVEN or not finite:
+            return self
+        inputs = {name: self._even(*span, self.labels_of_input) for name, span in spans.items()}
+        return replace(self, inputs=inputs, action=self.action_in(world))
+
+    def found(self, inputs: Mapping[str, Sequence[Membership]], world: WorldConfig) -> Self:
+        """Return the same with labels that were found for the inputs, which are then as given.
+
+        Args:
+            inputs: the labels, Gaussian, by the inputs' names.
+            world: has the action's range.
+        """
+        labels = {name: [self._written(of) for of in each] for name, each in inputs.items()}
+        return replace(self, inputs=labels, action=self.action_in(world), membership="paper")
+
+    def action_in(self, world: WorldConfig) -> list[Any]:
+        """Return the action's labels: evenly spaced, or where their number isn't set, as given."""
+        if self.labels_of_action is None and self.action is not None:
+            return [*self.action]
+        low, high = (0, world.actions - 1) if isinstance(world.actions, int) else world.actions
+        return self._even(low, high, self.labels_of_action or self.labels_of_input)
+
+    def _even(self, low: float, high: float, count: int) -> list[Any]:
+        return [self._written(label) for label in even_labels(low, high, count)]
+
+    def _written(self, label: Membership) -> list[float]:
+        """A Gaussian as ``[centre, width]``, in the reading of widths that is set."""
+        _, (centre, sigma) = label
+        return [centre, sigma**2 if self.width == "variance" else sigma]
+
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
-        """Yield unknown inputs, and names of labels of what is neither input nor action."""
+        """Yield unknown inputs, wrong labels, and names of what is neither input nor action."""
         yield from super().misfits(world)
+        for name, labels in (self.inputs or {}).items():
+            yield from _misfits_of(f"inputs.{name}", labels)
+        yield from _misfits_of("action", self.action or [])
+        for key in ("inputs", "action"):
+            if getattr(self, key) is None and self.membership == "paper":
+                needs = "labels, or null where value.membership is even or clustered"
+                yield OutOfRange(key, None, needs)
+        for name in world.observations if self.inputs is None else self.inputs:
+            span = world.observations.get(name, (0.0, 0.0))
+            if self.membership == EVEN and not all(map(isfinite, span)):
+                words = f"paper or clustered, since {name} has a range without an end"
+                yield OutOfRange("membership", EVEN, words)
         known = (*world.observations, world.action_name)
         for name in self.names:
             if name not in known:
@@ -92,6 +190,42 @@ class LabelsConfig(ValueConfig):
         if len(names) == count:
             return [*names]
         return [f"label_{number}" for number in range(1, count + 1)]
+
+
+def _misfits_of(key: str, labels: Sequence[Any]) -> Iterator[OutOfRange]:
+    """Yield labels of unknown kinds, or whose numbers don't fit their kind."""
+    for label in labels:
+        if isinstance(label, dict):
+            ((kind, numbers),) = label.items()
+            if kind not in MEMBERSHIP_FUNCTIONS:
+                near = difflib.get_close_matches(kind, MEMBERSHIP_FUNCTIONS, n=1)
+                advice = f"; did you mean {near[0]}?" if near else ""
+                yield OutOfRange(key, label, f"of a kind {_one_of(MEMBERSHIP_FUNCTIONS)}{advice}")
+            elif misfit := MEMBERSHIP_FUNCTIONS[kind].misfit(numbers):
+                yield OutOfRange(key, label, f"{kind}: {misfit}")
+
+
+def _one_of(names: Iterable[str]) -> str:
+    *others, last = names
+    return f"{', '.join(others)} or {last}"
+
+
+@dataclass
+class FuzzyConfig(LabelsConfig):
+    """A fuzzy rule base over labels, which may be learned along with its consequents."""
+
+    t_norm: str = one_of(*T_NORMS, default="product")
+    learn_memberships: bool = flag(default=False)
+    least_width: float = number(above=0, high=1, default=0.1)
+
+    def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
+        """Yield what doesn't fit, and labels to be learned that have neither centre nor width."""
+        yield from super().misfits(world)
+        every = [*(self.inputs or {}).values(), self.action or []]
+        if self.learn_memberships and any(isinstance(label, dict) for of in every for label in of):
+            yield OutOfRange(
+                "learn_memberships", True, "false, unless all labels are Gaussian [centre, width]"
+            )
 
 
 @dataclass
@@ -138,7 +272,7 @@ class MLPConfig(ValueConfig):
 
 
 SCHEMAS: dict[str, type[ValueConfig]] = {
-    "fnnq": LabelsConfig,
+    "fnnq": FuzzyConfig,
     "mlp": MLPConfig,
     "rbf": LabelsConfig,
     "table": LabelsConfig,

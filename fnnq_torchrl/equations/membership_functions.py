@@ -5,9 +5,9 @@ element, in whatever dtype they have, so that nothing here imports torch: a conf
 checked against the registry before anything heavy is loaded.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, log, sqrt
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -257,3 +257,44 @@ T_NORMS = {
     "minimum": TNorm(minimum, fll="Minimum", fis="min"),
 }
 """The t-norms by their names."""
+
+ELSEWHERE = ("nearest", "zero")
+"""What fires where no label does: the nearest one, or none, which makes the output 0."""
+
+
+Membership = tuple[str, tuple[float, ...]]
+"""A kind, of :data:`MEMBERSHIP_FUNCTIONS`, and its parameters."""
+
+
+def rule_width(width: float, reading: str) -> float:
+    """σ from the paper's second number, read as the ``sigma`` itself or as a ``variance`` σ²."""
+    return sqrt(width) if reading == "variance" else width
+
+
+def membership_of(label: Sequence[float] | Mapping[str, Sequence[float]], width: str) -> Membership:
+    """The membership function of a label as a configuration has it.
+
+    Args:
+        label: ``[centre, width]`` of a Gaussian, or ``{kind: [parameters]}``.
+        width: whether the second number of ``[centre, width]`` is a ``sigma`` or a ``variance``.
+    """
+    if isinstance(label, Mapping):
+        ((kind, parameters),) = label.items()
+        return kind, tuple(map(float, parameters))
+    centre, second = label
+    return "gaussian", (float(centre), rule_width(float(second), width))
+
+
+def even_labels(low: float, high: float, count: int) -> list[Membership]:
+    """Gaussians, evenly spaced from end to end.
+
+    Neighbours have the same membership, ½, halfway between them: σ = d/√(8 ln 2) at a distance d.
+
+    Args:
+        low, high: the range, finite.
+        count: how many there are; a single one lies in the middle.
+    """
+    if count == 1:
+        return [("gaussian", ((low + high) / 2, (high - low) / 2))]
+    apart = (high - low) / (count - 1)
+    return [("gaussian", (low + i * apart, apart / sqrt(8 * log(2)))) for i in range(count)]

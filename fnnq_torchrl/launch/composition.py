@@ -89,7 +89,11 @@ def explain(error: Exception, overrides: Sequence[str], *, multirun: bool = Fals
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
         # Hydra doesn't say what else there is if the choice stands in a list.
-        if options := [each for each in error.options or choices_of(group) if each != SAVED]:
+        if options := [
+            each
+            for each in error.options or choices_of(group)
+            if each != SAVED and not each.startswith("_")
+        ]:
             return OutOfRange(group, choice, " or ".join(options))
     if isinstance(error, ConfigCompositionException) and not multirun:
         for override in parsed:

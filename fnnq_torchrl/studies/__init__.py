@@ -1,1 +1,1 @@
-"""From result files to statistics, figures and pages."""
+"""Statistics, figures and pages, made from result files."""

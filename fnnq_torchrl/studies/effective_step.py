@@ -1,7 +1,7 @@
-"""What the two readings of step h do to the size of a learning step.
+"""The size of a learning step under the two readings of step h.
 
-While the ball rolls, the robot sees nearly the same for many steps, so let it see and do the same,
-(s, a), for long. With f = ∇Q(s, a) the decayed trace settles at
+While the ball rolls, the robot sees nearly the same for many steps. Suppose that it sees and does
+exactly the same, (s, a), for long. With f = ∇Q(s, a) the decayed trace settles at
 
     γλe = f·γλ/(1 − γλ)            (gradient: each of the earlier steps added f)
     γλe = f/‖f‖²·γλ/(1 − γλ)       (output: each added f/‖f‖²)
@@ -11,10 +11,10 @@ and a greedy step, whose two errors are the same δ, moves Q(s, a) by f·αδ(γ
     α‖f‖²/(1 − γλ)                 (gradient)
     α(‖f‖² + γλ/(1 − γλ))          (output)
 
-In a table ‖f‖² = 1 and both are α/(1 − γλ). At an end, whose target stays where it is, a step
-beyond 1 overshoots it, and one beyond 2 leaves Q farther off than it was. Rules that overlap share
-the firing strength, so ‖f‖² is small: the earlier pairs, not the present one, make the step under
-``output``.
+In a table ‖f‖² = 1, and both are α/(1 − γλ). The target of a situation's last step doesn't move. A
+last step beyond 1 overshoots its target, and one beyond 2 leaves Q farther off than it was. Rules
+that overlap share the firing strength, so ‖f‖² is small. So under ``output`` most of the step comes
+from the earlier pairs, not from the present one.
 """
 
 from collections.abc import Sequence
@@ -22,18 +22,22 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from fnnq_torchrl.equations.membership import firing_shares, rule_width
+from fnnq_torchrl.equations.membership import firing_shares
+from fnnq_torchrl.equations.membership_functions import rule_width
 
 Labels = Sequence[Sequence[float]]
 
 
 def squared_gradient(inputs: Sequence[tuple[Labels, Tensor]], width: str) -> Tensor:
-    """‖f‖² of the fuzzy rule base, f = σᵢ/Σσ: the product of the inputs' own, Πⱼ Σ(μ/Σμ)².
+    """‖f‖² of the fuzzy rule base, with f = σᵢ/Σσ: the product over its inputs, Πⱼ Σ(μ/Σμ)².
 
     Args:
-        inputs: the labels [centre, second number] of each input, the action's among them, and
-            where to look, tensors that broadcast.
-        width: whether the labels' second number is a ``sigma`` or a ``variance``.
+        inputs: for each input, the action included, its labels [centre, second number] and the
+            points at which to evaluate. The points' tensors broadcast.
+        width: the meaning of the labels' second number, ``sigma`` or ``variance``.
+
+    Returns:
+        ‖f‖² at the points, in their broadcast shape.
     """
     factors = []
     for labels, x in inputs:
@@ -47,16 +51,16 @@ def squared_gradient(inputs: Sequence[tuple[Labels, Tensor]], width: str) -> Ten
 
 
 def effective_step(norm: Tensor, alpha: float, decay: Tensor, trace: str) -> Tensor:
-    """The part of its error by which a step moves Q(s, a), after long at (s, a).
+    """The share of its error by which a step moves Q(s, a), after a long time at (s, a).
 
     Args:
         norm: ‖f‖².
-        alpha: α.
+        alpha: the step size α.
         decay: γλ, below 1; broadcasts with ``norm``.
-        trace: ``output`` or ``gradient``.
+        trace: the reading of step h, ``output`` or ``gradient``.
 
     Raises:
-        ValueError: it is neither.
+        ValueError: ``trace`` is neither.
     """
     if trace not in ("output", "gradient"):
         raise ValueError(f"trace={trace!r}: must be output or gradient")

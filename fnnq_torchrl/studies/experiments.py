@@ -25,18 +25,18 @@ HOW_IT_RUNS = (
 
 
 class NoResults(ValueError):
-    """There is no result file for what is asked; the text is one line that says what is missing."""
+    """Results that were asked for are missing; the text is one line that says which."""
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A job: its configuration by its keys with their groups, and what it has left.
+    """A finished job: its configuration and its results.
 
     Attributes:
-        settings: what has a say in the results, by keys such as ``env.speed_mps``.
-        evaluations: all of them.
+        settings: the settings that the results depend on, by keys such as ``env.speed_mps``.
+        evaluations: the evaluations of all its runs.
         config: the whole configuration.
-        directory: where the job's files are.
+        directory: the directory of the job's files.
     """
 
     settings: dict[str, Any]
@@ -46,7 +46,7 @@ class Job:
 
     @property
     def best(self) -> int | None:
-        """The highest score there is, if it counts successes."""
+        """The highest possible score, or None where a score doesn't count successes."""
         return self.config.best_score
 
 
@@ -55,8 +55,8 @@ class Experiment:
     """All jobs of an experiment.
 
     Args:
-        name: as in ``+experiment=name``.
-        jobs: in the order in which they were launched, at least one.
+        name: its name, as in ``+experiment=name``.
+        jobs: at least one, in the order in which they were launched.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Experiment:
 
     @cached_property
     def varied(self) -> list[str]:
-        """The keys in which jobs differ, in the configuration's order."""
+        """The keys whose values differ between jobs, in the configuration's order."""
         first = self.jobs[0].settings
         return [
             key
@@ -75,7 +75,7 @@ class Experiment:
 
     @property
     def runs(self) -> int:
-        """Of each job; the fewest, should they differ."""
+        """The number of runs of each job, or of the smallest job where they differ."""
         return min(job.evaluations.runs for job in self.jobs)
 
     def job(self, **settings: Any) -> Job:
@@ -87,7 +87,11 @@ class Experiment:
         return self.job_with(settings)
 
     def job_with(self, settings: Mapping[str, Any]) -> Job:
-        """As :meth:`job`, for keys with groups."""
+        """The job with these settings, whose keys may have groups, such as ``env.speed_mps``.
+
+        Raises:
+            NoResults: there is none, or there are several.
+        """
         found = [
             job
             for job in self.jobs
@@ -99,10 +103,10 @@ class Experiment:
         return found[0]
 
     def where(self, key: str, value: Any) -> "Experiment":
-        """The same with only the jobs that have this value.
+        """The experiment with only those of its jobs that have this value.
 
         Raises:
-            NoResults: there is none.
+            NoResults: no job has it.
         """
         jobs = [job for job in self.jobs if job.settings.get(key) == value]
         if not jobs:
@@ -115,7 +119,7 @@ class Experiment:
 
 
 def read_experiment(directory: Path, name: str) -> Experiment:
-    """All jobs below a directory: its subdirectories with numbers for names.
+    """Return the experiment in a directory. Its jobs are the subdirectories named by numbers.
 
     Raises:
         NoResults: there is no job, or one hasn't finished.
@@ -132,7 +136,7 @@ def read_experiment(directory: Path, name: str) -> Experiment:
 
 
 def newest_experiment(root: Path, name: str) -> Experiment:
-    """The last finished of an experiment's sweeps, ``root/name/<time>``.
+    """Return the newest sweep of an experiment whose jobs have all finished, ``root/name/<time>``.
 
     Raises:
         NoResults: there is none.
@@ -147,14 +151,14 @@ def newest_experiment(root: Path, name: str) -> Experiment:
 
 
 def _started(sweep: Path) -> tuple[str, int]:
-    """The time that a sweep's directory is named after, and the number of those that share it."""
+    """The time in a sweep's directory name, and its number among the sweeps of that second."""
     time, _, number = sweep.name.partition("_")
     clock, _, number = number.partition("_")
     return f"{time}_{clock}", int(number) if number.isdecimal() else 1
 
 
 def _finished(job: Path) -> bool:
-    """A job writes this file last."""
+    """Return whether a job has written its summary, which it writes last."""
     return (job / "summary.json").is_file()
 
 
@@ -162,7 +166,7 @@ def _read_job(directory: Path) -> Job:
     path = directory / ".hydra" / "config.yaml"
     try:
         plain = yaml.safe_load(path.read_bytes())
-    except Exception as error:  # nearly any, of what isn't YAML
+    except Exception as error:  # a file that isn't YAML can raise nearly anything
         raise ValueError(f"{path} is not a configuration") from error
     if not isinstance(plain, dict):
         raise ValueError(f"{path} is not a configuration")
@@ -171,6 +175,6 @@ def _read_job(directory: Path) -> Job:
     except (ConfigError, OmegaConfBaseException) as error:
         raise ValueError(f"{path}: {str(error).splitlines()[0]}") from error
     settings = asdict(config)
-    del settings["logger"]  # which has other keys for each choice, and no say in the results
+    del settings["logger"]  # each logger has other keys, and none changes the results
     evaluations = read_evaluations(directory / "evaluations.csv", config.env.tested.measure)
     return Job(flat(settings), evaluations, config, directory)

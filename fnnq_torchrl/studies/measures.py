@@ -1,4 +1,4 @@
-"""What a run's evaluations come to: one number a run, for figures and comparisons."""
+"""Measures of a run: one number from all its evaluations, for figures and comparisons."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 from fnnq_torchrl.training.results import FINAL_EVALUATIONS, Evaluations
 
 EARLY_EVALUATIONS = 10
-"""The early score is the mean over this many first evaluations after learning began."""
+"""The number of evaluations after learning began whose mean is the early score."""
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A number of each run.
+    """A measure of runs.
 
     Attributes:
-        words: what to call it, with its unit, as a figure's axis does.
-        meaning: how it comes about, in a clause.
-        of: takes evaluations to ``[runs]``.
+        words: its name with its unit, as on a figure's axis.
+        meaning: its definition, in a clause.
+        of: computes it from evaluations, ``[runs]``.
     """
 
     words: str
@@ -28,12 +28,12 @@ class Measure:
 
 
 def early_score(evaluations: Evaluations) -> NDArray[np.float64]:
-    """Mean score of each run soon after learning began, ``[runs]``: how fast it learns."""
+    """Return each run's mean score soon after learning began, ``[runs]``: a measure of speed."""
     return evaluations.score[:, 1:][:, :EARLY_EVALUATIONS].mean(axis=1)
 
 
 def forgetting(evaluations: Evaluations) -> NDArray[np.float64]:
-    """How far each run's score lies below the best that it has had, on average: ``[runs]``."""
+    """Return by how much each run's score lies below its best so far, on average, ``[runs]``."""
     scores = evaluations.score[:, 1:]
     return (np.maximum.accumulate(scores, axis=1) - scores).mean(axis=1)
 

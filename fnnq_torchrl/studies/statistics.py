@@ -18,11 +18,12 @@ class Interval(NamedTuple):
 
 
 Statistic = Callable[..., Any]
-"""Takes samples, ``[..., n]`` each, and the axis −1; gives the statistic, ``[...]``."""
+"""A function that takes samples, ``[..., n]`` each, and ``axis=-1``, and returns ``[...]``."""
 
 _MOST_FOR_BCA = 1000
-"""Runs up to which intervals are corrected for bias and skew. That takes work that grows with the
-square of their number, and the correction shrinks with their number's root.
+"""The largest number of runs whose intervals are corrected for bias and skew (BCa).
+
+The work grows with the square of the number of runs, and the correction shrinks with its root.
 """
 
 _ELEMENTS_AT_ONCE = 4_000_000
@@ -37,16 +38,20 @@ def bootstrap_interval(
 ) -> Interval:
     """A statistic of one or more samples with its bootstrap interval (`scipy.stats.bootstrap`).
 
-    BCa (B. Efron, "Better bootstrap confidence intervals", JASA 82, 1987) up to 1,000 runs, then
-    the plain percentiles, as well as where BCa is not defined: where leaving out any single run
-    changes nothing.
+    Up to 1,000 runs the interval is BCa (B. Efron, "Better bootstrap confidence intervals", JASA
+    82, 1987). Beyond that, and where BCa is not defined because leaving out any single run changes
+    nothing, it is the plain percentiles of the draws. The bounds of a mean lie between the smallest
+    sample and the largest, so the interval of a bounded score stays within the score's bounds.
 
     Args:
-        statistic: vectorised.
-        *samples: each ``[runs]``; several belong together run by run, and are drawn together.
+        statistic: the statistic, vectorised.
+        *samples: each ``[runs]``; several samples are paired run by run, and drawn together.
         confidence: probability with which the interval covers the expectation, in (0, 1).
-        resamples: how often the runs are drawn, with replacement.
-        seed: of the draws: the same samples have the same interval.
+        resamples: number of times that the runs are drawn, with replacement.
+        seed: seed of the draws, so that the same samples have the same interval.
+
+    Returns:
+        The statistic and its bounds. The bounds are NaN for a single run.
 
     Raises:
         ValueError: no runs, or samples of different lengths.
@@ -62,7 +67,7 @@ def bootstrap_interval(
     if all(np.ptp(column) == 0 for column in columns):
         return Interval(value, value, value)
     with warnings.catch_warnings():
-        # Told below, by NaN.
+        # scipy warns where BCa is undefined; its NaN bounds are dealt with below.
         warnings.simplefilter("ignore", DegenerateDataWarning)
         warnings.simplefilter("ignore", RuntimeWarning)
         result = bootstrap(
@@ -85,21 +90,27 @@ def bootstrap_interval(
 
 
 def interquartile_mean(samples: ArrayLike, axis: int = -1) -> Any:
-    """The mean of the middle half: a quarter of the runs is cut off at either end.
+    """The mean of the middle half of the samples: a quarter is cut off at either end.
 
-    Less at the mercy of single runs than the mean, more of it used than by the median (R. Agarwal
-    et al., "Deep reinforcement learning at the edge of the statistical precipice", NeurIPS 2021).
+    Single runs sway it less than the mean, and it uses more of the runs than the median does
+    (R. Agarwal et al., "Deep reinforcement learning at the edge of the statistical precipice",
+    NeurIPS 2021).
+
+    Args:
+        samples: an array of any shape.
+        axis: the axis of the runs, which the result lacks.
     """
     return trim_mean(samples, 0.25, axis=axis)
 
 
 def improvement(ours: ArrayLike, theirs: ArrayLike, axis: int = -1) -> Any:
-    """P(a run of ours scores more than a run of theirs), draws counting half.
+    """The probability that a run of ours scores more than a run of theirs; a draw counts half.
 
-    The Mann–Whitney statistic over all pairs of runs, divided by their number.
+    It is the Mann–Whitney statistic over all pairs of runs, divided by the number of pairs.
 
     Args:
-        ours, theirs: scores, along ``axis``.
+        ours, theirs: scores, whose runs lie along ``axis``.
+        axis: the axis of the runs, which the result lacks.
     """
     first, second = (np.moveaxis(np.asarray(scores), axis, -1) for scores in (ours, theirs))
     n, m = first.shape[-1], second.shape[-1]
@@ -108,14 +119,19 @@ def improvement(ours: ArrayLike, theirs: ArrayLike, axis: int = -1) -> Any:
 
 
 class Difference(NamedTuple):
-    """How one configuration differs from another over the same seeds."""
+    """The difference of two configurations' scores over the same seeds.
 
-    mean: Interval  # of the runs' differences, in the scores' own unit
-    effect: float  # that mean in standard deviations of the runs' differences
-    improvement: (
-        Interval  # the probability that a run of the first scores more than one of the other
-    )
-    runs_needed: float  # to see the difference, of so many seeds
+    Attributes:
+        mean: the mean of the runs' differences, in the scores' own unit.
+        effect: that mean in standard deviations of the runs' differences.
+        improvement: the probability that a run of the first scores more than a run of the second.
+        runs_needed: the number of seeds that it takes to see such a difference (`runs_needed`).
+    """
+
+    mean: Interval
+    effect: float
+    improvement: Interval
+    runs_needed: float
 
 
 def paired_difference(
@@ -124,9 +140,9 @@ def paired_difference(
     """The difference of two configurations' scores, run by run.
 
     Args:
-        ours, theirs: each run's score, ``[runs]``, by the same seeds in the same order.
-        confidence: of the intervals.
-        seed: of the bootstrap.
+        ours, theirs: each run's score, ``[runs]``, with the same seeds in the same order.
+        confidence: probability with which each interval covers its expectation.
+        seed: seed of the bootstrap's draws.
 
     Raises:
         ValueError: no runs, or not the same number.
@@ -142,28 +158,32 @@ def paired_difference(
 
 
 class Chosen(NamedTuple):
-    """One of several choices."""
+    """The index of the best choice, and its scores in the runs that had no say in choosing it."""
 
     choice: int
-    judged: NDArray[np.float64]  # its scores, of runs that had no say in the choice
+    judged: NDArray[np.float64]
 
 
 def choose_by_half(scores: ArrayLike) -> Chosen:
-    """The choice with the highest mean over the first half of the runs; the others judge it.
+    """The choice with the highest mean over the first half of the runs, judged by the other half.
 
-    Lest what chance favours be called the best.
+    If the same runs chose and judged, the best would look better than it is: the highest of several
+    means is partly luck. A choice whose mean is not a number is never the best.
 
     Args:
         scores: ``[choices, runs]``.
 
     Raises:
-        ValueError: there are fewer than four runs.
+        ValueError: there are fewer than four runs, or no choice has a mean.
     """
     scores = np.asarray(scores, np.float64)
     runs = scores.shape[1]
     if runs < 4:
         raise ValueError(f"{runs} runs are too few to choose by half of them")
-    choice = int(scores[:, : runs // 2].mean(axis=1).argmax())
+    means = scores[:, : runs // 2].mean(axis=1)
+    if np.isnan(means).all():
+        raise ValueError("the scores of every choice are NaN: there is none to choose")
+    choice = int(np.nanargmax(means))
     return Chosen(choice, scores[choice, runs // 2 :])
 
 
@@ -179,7 +199,7 @@ def standardised(differences: ArrayLike) -> float:
 
 
 def runs_needed(effect: float, confidence: float = 0.95, power: float = 0.8) -> float:
-    """How many pairs of runs a paired t test needs to see an effect so often.
+    """The number of pairs of runs with which a paired t test sees an effect with a given power.
 
         n = ((z(½(1 + confidence)) + z(power)) / d)² + ½z(½(1 + confidence))²
 
@@ -188,8 +208,8 @@ def runs_needed(effect: float, confidence: float = 0.95, power: float = 0.8) -> 
 
     Args:
         effect: d, the mean difference in standard deviations of the differences.
-        confidence: of the two-sided test.
-        power: the probability of seeing it.
+        confidence: one minus the level of the two-sided test.
+        power: the probability that the test sees the effect.
 
     Returns:
         A whole number, at least 2; infinity for no effect, NaN for an unknown one.

@@ -21,6 +21,7 @@ from fnnq_torchrl.training.batch import Batch
 from fnnq_torchrl.training.firing import FIRING, write_firing
 from fnnq_torchrl.training.jobs import SNAPSHOTS, Job, JobFailed
 from fnnq_torchrl.training.loggers import Loggers
+from fnnq_torchrl.training.memberships import gaps_in_words, with_found_labels
 from fnnq_torchrl.training.memory import check_memory
 from fnnq_torchrl.training.pictures import learning_curve
 from fnnq_torchrl.training.results import (
@@ -112,7 +113,7 @@ def run_batches(
                 batches, pictures=pictures, loggers=loggers, interruptions=interruptions
             )
         return
-    prepared = [*map(Batch, batches)]
+    prepared = [Batch(with_found_labels(jobs)) for jobs in batches]
     for batch in prepared:
         _check(batch)
     saved = [SavedTraining(batch) for batch in prepared]
@@ -158,6 +159,8 @@ def _run_batch(
 ) -> list[float | Exception]:
     trainer = Trainer(batch.config, batch.runs, batch.engine, batch.start)
     announce(batch.engine.why)
+    if gaps := gaps_in_words(batch.config):
+        announce(gaps)
     if batch.start is not None and batch.start.told:
         announce(batch.start.told)
     outcome = _train(trainer, saved, interruptions)

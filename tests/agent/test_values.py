@@ -23,12 +23,35 @@ from fnnq_torchrl.engine.native import NativeLoop
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.weights import load_checkpoint
 from tests.oracles import approximators
+from tests.oracles.fuzzy import value_of_rules
 from tests.programs import advance, config, in_lanes, make_learner, make_runs
 
 CANDIDATES = torch.linspace(-1, 1, 21, dtype=torch.float64)
 RUNS = 3
-SMALL = {"mlp": ["value.widths=[6]"], "tiles": ["value.tilings=4", "value.tiles=3"]}
-"""For the kinds that are large otherwise."""
+MIXED = (
+    "value.inputs.bearing=[[-0.5,0.4],{triangle:[-0.4,-0.1,0]},{trapezoid:[-0.2,0,0,0.1]},"
+    "{bell:[0.2,0.1,2]},{sigmoid:[0.5,10]},{gaussian_two_sided:[0.3,0.1,0.4,0.2]}]"
+)
+GAPS = (
+    "value.inputs.bearing=[{triangle:[-0.9,-0.5,0]},{trapezoid:[0.1,0.2,0.3,0.6]}]",
+    "value.action=[{triangle:[-1,-0.7,-0.1]},{triangle:[0.1,1,1]}]",
+)
+MINIMUM, ZERO = "value.t_norm=minimum", "value.elsewhere=zero"
+VARIANTS = {
+    **{kind: (f"value={kind}",) for kind in SCHEMAS},
+    "mlp": ("value=mlp", "value.widths=[6]"),
+    "tiles": ("value=tiles", "value.tilings=4", "value.tiles=3"),
+    "mixed": (MIXED,),
+    "nearest": GAPS,
+    "zero": (*GAPS, ZERO),
+    "minimum": (MINIMUM,),
+    "minimum_mixed": (MIXED, MINIMUM),
+    "minimum_zero": (*GAPS, MINIMUM, ZERO),
+    "learned": ("value.learn_memberships=true",),
+    "rbf_mixed": ("value=rbf", MIXED),
+    "table_zero": ("value=table", *GAPS, ZERO),
+}
+"""The value functions, by names for the tests."""
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "values.md"
@@ -36,10 +59,13 @@ PAGE = ROOT / "docs" / "values.md"
 numbers = st.integers(-200, 200).map(lambda n: n / 101)  # on no border but at 0
 
 
-@cache
 def make(kind: str, *overrides: str) -> ValueNetwork:
-    """A network with random weights."""
-    network = make_value_network(load_config(f"value={kind}", *overrides).value, CANDIDATES, RUNS)
+    return with_random_weights(f"value={kind}", *overrides)
+
+
+@cache
+def with_random_weights(*overrides: str) -> ValueNetwork:
+    network = make_value_network(load_config(*overrides).value, CANDIDATES, RUNS)
     generator = torch.Generator().manual_seed(0)
     with torch.no_grad():
         for weight in network.parameters():
@@ -66,10 +92,10 @@ def by_labels(
     return [oracle(weights_of(network, run)["weight"], *where) for run in range(RUNS)]
 
 
-@pytest.mark.parametrize("kind", SCHEMAS)
+@pytest.mark.parametrize("name", VARIANTS)
 @pytest.mark.parametrize("batch", [(), (4,), (4, 2)])
-def test_a_candidate_has_the_value_of_that_action(kind: str, batch: tuple[int, ...]) -> None:
-    network = make(kind)
+def test_a_candidate_has_the_value_of_that_action(name: str, batch: tuple[int, ...]) -> None:
+    network = with_random_weights(*VARIANTS[name])
     generator = torch.Generator().manual_seed(1)
     bearing = torch.rand(RUNS, *batch, 1, generator=generator, dtype=torch.float64) * 3 - 1.5
     values = network(bearing)
@@ -84,6 +110,27 @@ def test_radial_basis_functions(bearing: float, action: float) -> None:
     network = make("rbf")
     expected = by_labels(approximators.radial, network, bearing, action)
     assert q_of(network, bearing, action) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["mixed", "nearest", "zero", "minimum", "minimum_mixed", "minimum_zero", "learned"],
+)
+@settings(max_examples=15)
+@given(numbers, numbers)
+def test_rules_of_any_labels_and_both_t_norms(name: str, bearing: float, action: float) -> None:
+    network = with_random_weights(*VARIANTS[name])
+    expected = [
+        value_of_rules(
+            network.weight[run].flatten().tolist(),
+            (bearing, action),
+            [[{kind: numbers} for kind, numbers in of] for of in network.labels_of(run)],
+            "minimum" if MINIMUM in VARIANTS[name] else "product",
+            "zero" if ZERO in VARIANTS[name] else "nearest",
+        )
+        for run in range(RUNS)
+    ]
+    assert q_of(network, bearing, action) == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
 @given(numbers, numbers.filter(bool))
@@ -171,22 +218,23 @@ def test_a_perceptrons_start(sparsity: float, zeros: list[int]) -> None:
     assert abs(drawn.square().mean() - 1 / 3) < 5 * math.sqrt(4 / 45 / len(drawn))
 
 
-@pytest.mark.parametrize("kind", SCHEMAS)
-def test_a_run_alone_is_the_run_in_a_batch(kind: str) -> None:
-    small = config(f"value={kind}", "alpha=0.1", *SMALL.get(kind, []))
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_run_alone_is_the_run_in_a_batch(name: str) -> None:
+    small = config("alpha=0.1", *VARIANTS[name])
     runs = make_runs(small, 2 * LANES, lam=torch.linspace(0, 1, 2 * LANES))
     alone = in_lanes(runs[37:38])
     together = advance(make_learner(small, runs), runs, 30)["weights"]
     single = advance(make_learner(small, alone), alone, 30)["weights"]
-    for name, weight in together.items():
-        assert torch.equal(weight[37], single[name][0])
+    for of, weight in together.items():
+        assert torch.equal(weight[37], single[of][0])
         assert not torch.equal(weight[36], weight[37])
 
 
 @pytest.mark.usefixtures("compiler")
-@pytest.mark.parametrize("kind", SCHEMAS)
-def test_compiled_is_eager(kind: str) -> None:
-    small = config(f"value={kind}", "alpha=0.1", "machine.dtype=float64", *SMALL.get(kind, []))
+@pytest.mark.parametrize("name", VARIANTS)
+def test_compiled_is_eager(name: str) -> None:
+    few = ("action.candidates=5", "machine.dtype=float64")  # so that compiling is fast
+    small = config("alpha=0.1", *few, *VARIANTS[name])
     runs = make_runs(small, LANES, lam=torch.linspace(0, 1, LANES))
     learner = make_learner(small, runs)
     expected = advance(learner, runs, 20)["weights"]
@@ -195,8 +243,8 @@ def test_compiled_is_eager(kind: str) -> None:
     )
     running = loop(runs, learner.begin(runs))
     running.advance(20)
-    for name, weight in expected.items():
-        torch.testing.assert_close(running.state["weights", name], weight, rtol=1e-9, atol=1e-12)
+    for of, weight in expected.items():
+        torch.testing.assert_close(running.state["weights", of], weight, rtol=1e-9, atol=1e-12)
 
 
 def test_a_bearing_beyond_the_range_has_the_tile_at_the_edge() -> None:

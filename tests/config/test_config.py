@@ -29,7 +29,8 @@ CHOICES = {
     path: f"{'+' * (path.parent.name == 'experiment')}{path.parent}={path.stem}"
     for path in sorted(FILES - {Path("config.yaml"), Path("action/all.yaml")})
     if path.parent != Path("value/labels")  # which a task chooses
-    if path.suffix == ".yaml"
+    and path != Path("value/_labels.yaml")  # a part of others
+    and path.suffix == ".yaml"  # beside which are files of rules
 }
 
 EVERY_LOGGER = "logger=[csv,wandb,tensorboard,mlflow]"
@@ -89,6 +90,16 @@ def test_the_defaults_are_the_papers_and_spec(default):
                 "bearing": ["far_right", "right", "ahead", "left", "far_left"],
                 "steer": ["hard_left", "left", "right", "hard_right"],
             },
+            "elsewhere": "nearest",
+            "membership": "paper",
+            "labels_of_input": 5,
+            "labels_of_action": None,
+            "clustering": "kmeans",
+            "visited": None,
+            "warm_up": 100,
+            "t_norm": "product",
+            "learn_memberships": False,
+            "least_width": 0.1,
         },
         "action": {"candidates": 21},
         "evaluation": {
@@ -184,7 +195,31 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         (
             "value.action=[[0,0]]",
             "value.action=[[0, 0]]: must be a list of at least one pair [centre, width] "
-            "with width > 0",
+            "with width > 0, or {triangle: [a, b, c]} and the like, or null",
+        ),
+        (
+            "value.action=[{triangel: [0, 1, 2]}]",
+            "value.action={'triangel': [0, 1, 2]}: must be of a kind gaussian, triangle, "
+            "trapezoid, bell, sigmoid or gaussian_two_sided; did you mean triangle?",
+        ),
+        (
+            "value.inputs.bearing=[{triangle: [0, 1, 0]}]",
+            "value.inputs.bearing={'triangle': [0, 1, 0]}: must be triangle: [a, b, c] with "
+            "a <= b <= c and a < c",
+        ),
+        (
+            "value.inputs=null",
+            "value.inputs=None: must be labels, or null where value.membership is even or "
+            "clustered",
+        ),
+        (
+            ["value.learn_memberships=true", "value.action=[{bell: [0, 1, 2]}]"],
+            "value.learn_memberships=True: must be false, unless all labels are Gaussian "
+            "[centre, width]",
+        ),
+        (
+            ["value=rbf", "value.t_norm=minimum"],
+            "value.t_norm=minimum: there is no value.t_norm; value=fnnq has one",
         ),
         (
             "evaluation.situations=[]",
@@ -237,7 +272,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
 )
 def test_a_mistake_is_one_line(override, line):
     with pytest.raises(ConfigError) as refused:
-        load_config(override)
+        load_config(*([override] if isinstance(override, str) else override))
     assert str(refused.value) == line
 
 

@@ -7,7 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from fnnq_torchrl.equations.membership import defuzzify, firing_shares, log_membership, rule_width
+from fnnq_torchrl.equations.membership import (
+    defuzzify,
+    firing_shares,
+    log_membership,
+    moved_labels,
+)
+from fnnq_torchrl.equations.membership_functions import even_labels, rule_width
 from tests.oracles.fuzzy import action_value, membership, normalised_firing_strengths
 
 LABELS = [(-0.5, 0.4), (-0.1, 0.1), (0.0, 0.05), (0.1, 0.1), (0.5, 0.4)]
@@ -102,6 +108,45 @@ def test_normalised_strengths_factor_into_shares() -> None:
     expected = torch.tensor(normalised_firing_strengths([x, a], [LABELS, action])).double()
     product = (shares * action_shares.T).flatten()
     torch.testing.assert_close(product, expected, rtol=1e-6, atol=1e-9)
+
+
+@given(
+    st.lists(st.floats(-2, 2), min_size=1, max_size=5, unique=True),
+    st.lists(st.floats(-3, 3), min_size=10, max_size=10),
+    st.floats(0.01, 1),
+)
+def test_moved_labels_keep_their_order_and_a_least_width(
+    places: list[float], moves: list[float], least: float
+) -> None:
+    labels, *_ = start = labels_of([(place, 0.3) for place in sorted(places)])
+    count = len(labels)
+    middle, widths, gaps = torch.tensor(moves).double().unsqueeze(-1).split([1, 5, 4])
+    centres, inverse_widths = moved_labels(
+        *start,
+        middle=middle,
+        widths=widths[:count],
+        gaps=gaps[: count - 1] if count > 1 else None,
+        least_width=least,
+    )
+    assert centres.shape == inverse_widths.shape == (count, 1)
+    assert (centres.diff(dim=0) >= 0).all()
+    assert (1 / inverse_widths >= 0.3 * least * (1 - 1e-9)).all()
+    torch.testing.assert_close(centres.mean(), labels.mean() + 0.3 * middle.squeeze())
+
+
+def test_labels_that_do_not_move_are_where_they_were() -> None:
+    zeros = torch.zeros(5, 2).double()
+    moves = {"middle": zeros[:1], "widths": zeros, "gaps": zeros[:4]}
+    moved = moved_labels(CENTRES, INVERSE_WIDTHS, least_width=0.1, **moves)
+    for now, before in zip(moved, (CENTRES, INVERSE_WIDTHS), strict=True):
+        torch.testing.assert_close(now, before.unsqueeze(-1).expand(5, 2))
+
+
+def test_even_labels_are_half_of_one_halfway_to_their_neighbours() -> None:
+    labels = even_labels(-1, 2, 4)
+    assert [numbers[0] for _, numbers in labels] == pytest.approx([-1, 0, 1, 2])
+    assert membership(0.5, labels[1][1]) == membership(0.5, labels[2][1]) == pytest.approx(0.5)
+    assert even_labels(-1, 2, 1) == [("gaussian", (0.5, 1.5))]
 
 
 def test_a_variance_is_the_square_of_the_width() -> None:

@@ -81,23 +81,29 @@ def test_an_alpha_bound_that_was_never_below_alpha_is_told(
     assert (held_back(changed, 0.2), held_back(changed, 0.8)) == ([], [0.4])
     page = write_page(changed, stability)
     assert page.count("The α bound was never below α here") == 1
-    assert "The α bound was below α with α = 0.4; with the others its runs are those" in page
+    assert "The α bound was below α with α = 0.4. With the others its runs are those" in page
 
 
 def test_the_page_says_what_the_results_say(adaptive: Experiment, stability: Experiment) -> None:
     page, _, perceptron = write_page(adaptive, stability).partition("## With a multilayer")
-    sentences = dict(re.findall(r"\* \*\*(.*)\*\*, against decaying α: (.*)", page))
+    in_short, _, page = page.partition("## What is compared")
+    assert "* With λ = 0.8, compared with decaying α, each at its best α, " in in_short
+    assert "without normalised layers, compared with constant α, each at its best α" in in_short
+    assert in_short.count("ObGD scores more") == 8
+    sentences = dict(re.findall(r"\* \*\*(.*)\*\* against decaying α: (.*)", page))
     assert sentences["ObGD"].startswith("each at its best α, it scores more; over all α, more.")
-    assert re.search(r"spread is -?0\.0\d* \[.*\] catches, the other's 0\.9", sentences["ObGD"])
+    assert re.search(
+        r"spread is -?0\.0\d* \[.*\] catches, that of decaying α 0\.9", sentences["ObGD"]
+    )
     assert sentences["constant α"].startswith("each at its best α, it scores less; over all")
-    assert "scores the same, to within 0.1" in sentences["α bound"]
+    assert "scores the same to within 0.1" in sentences["α bound"]
     assert page.count("| decaying α | 0.00 | 0.2 |") == 2
     assert page.count("No run diverged.") == 2
     sections = perceptron.split("###")
     assert len(sections) == 3
     for section in sections[1:]:
         assert "diverged, over all α: with constant α 0 of 180, with ObGD 0 of 180." in section
-        assert "* **ObGD**, against constant α: each at its best α, it scores more;" in section
+        assert "* **ObGD** against constant α: each at its best α, it scores more;" in section
     assert "with α from 0.1 to 0.4 and 60 seeds each" in " ".join(perceptron.split())
     assert "nan" not in page + perceptron
     assert "{" not in page + perceptron

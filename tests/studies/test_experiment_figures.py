@@ -3,13 +3,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 from matplotlib.text import Text
+from numpy.typing import NDArray
 
 from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
 from fnnq_torchrl.studies.figures.command import main
 from fnnq_torchrl.studies.figures.gallery import FIGURES, draw
 from fnnq_torchrl.studies.figures.job_words import change_words, job_words
 from fnnq_torchrl.studies.figures.lines import lines_figure
+from fnnq_torchrl.studies.figures.outliers import FAR, limits
 from fnnq_torchrl.studies.figures.readings import norms
 from fnnq_torchrl.studies.measures import MEASURES
 from fnnq_torchrl.studies.statistics import bootstrap_interval
@@ -42,7 +47,8 @@ def test_nothing_is_clipped_and_no_words_collide(name: str, experiments: Experim
 def test_every_axis_says_what_it_shows(name: str, experiments: Experiments) -> None:
     experiment, picture = FIGURES[name]
     for axes in picture(experiments[experiment]).axes:
-        assert axes.get_ylabel() or axes.get_yticklabels()
+        scale_of_colours = axes.get_label() == "<colorbar>"
+        assert axes.get_ylabel() or axes.get_yticklabels() or scale_of_colours
         assert axes.get_xlabel() or axes.get_ylabel()  # a scale of colours has one only
 
 
@@ -58,6 +64,43 @@ def test_lines_and_bands_are_the_files_means_and_intervals(experiments: Experime
             assert line.get_ydata().tolist() == [bootstrap_interval(np.mean, s)[0] for s in scores]
         ticks = [label.get_text() for label in axes.get_xticklabels()]
         assert ticks == ["0.9", "0.97", "0.99", "0.997", "1"]
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    others=hnp.arrays(np.float64, 20, elements=st.floats(4, 5)),
+    outlier=st.floats(-10, 1) | st.just(3.9),
+)
+def test_only_a_value_far_below_the_others_is_left_out(
+    others: NDArray[np.float64], outlier: float
+) -> None:
+    values = np.append(others, outlier)
+    found = limits(values, values - 0.01, values + 0.01)
+    assert found.low < others.min()
+    assert found.high > others.max()
+    gap, span = others.min() - outlier, np.ptp(others)
+    assert (outlier < found.low) == (gap > FAR * span > 0)
+
+
+def test_values_below_an_axis_are_told_beside_it(tmp_path: Path) -> None:
+    jobs = grid({"trace": "output,gradient", "lam": "0,0.2,0.4,0.6,1"})
+    low = ("output", 1.0)
+    write_experiment(
+        tmp_path / "traces" / "2026-01-02_03-04-05",
+        jobs,
+        lambda job: 0.5 if (job["trace"], job["lam"]) == low else 4.5 + job["lam"] / 10,
+        runs=20,
+    )
+    traces = newest_experiment(tmp_path, "traces")
+    figure = lines_figure(traces, "lam", "trace", ["mean_score"])
+    (axes,) = figure.axes
+    bottom = axes.get_ylim()[0]
+    outlier = traces.job(trace="output", lam=1.0).evaluations.mean_score.mean()
+    assert outlier < 1 < 3 < bottom
+    assert f"{outlier:.2f}" in [text.get_text() for text in axes.texts]
+    assert axes.lines[0].get_xdata().tolist() == [0, 1, 2, 3]
+    assert axes.lines[1].get_xdata().tolist() == [0, 1, 2, 3, 4]
+    assert any("beyond the axis" in text.get_text() for text in texts(figure))
 
 
 def test_the_norms_lie_where_they_are_drawn(experiments: Experiments) -> None:

@@ -41,7 +41,8 @@ from fnnq_torchrl.training.weights import Snapshots
 from tests.extrapolation_files import RUNS, extrapolating, write_results
 from tests.oracles.fuzzy import action_value, normalised_firing_strengths
 
-KINDS = ("fnnq", "mlp", "table")
+TRIANGLES = "fnnq, 2 triangles"
+KINDS = ("fnnq", "mlp", "table", TRIANGLES)
 DOUBLE = "machine.dtype=float64"
 
 
@@ -296,10 +297,11 @@ def test_the_page_is_whole(extrapolation_results: Path, measured: Measured) -> N
     assert "nan" not in page
     assert "{" not in page
     assert set(re.findall(r"\(figures/(.*)\.png\)", page)) == FIGURES.keys()
-    assert "«The fuzzy network doesn't extrapolate»" in page
+    assert "The claim that the fuzzy network doesn't extrapolate **" in page
+    assert re.search(r"with compact membership functions \*\*.*\*\* for `fnnq, 2 triangles`", page)
     moved = findings[0].moved_in(findings[0].where.unseen).mean()
     assert f"| `fnnq` | {moved:.2f}" in page
-    assert f"{0:.2%} of any run at most" in page
+    assert f"at most {0:.2%} of the states that a run visited" in page
 
 
 def test_the_command(
@@ -377,7 +379,7 @@ def test_each_value_function_must_be_there_with_both_kinds_of_decay(
 ) -> None:
     experiment = newest_experiment(extrapolation_results, "extrapolation")
     parts = [experiment.where("alpha_decay", decay) for decay in (1.0, 0.99)]
-    parts.append(experiment.where("value.kind", "fnnq"))
+    parts.append(experiment.where("value.kind", "mlp"))
     for part in parts:
         with pytest.raises(NoResults, match="must have fnnq, mlp and any others with alpha_decay"):
             measure(part)

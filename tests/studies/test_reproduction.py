@@ -139,7 +139,8 @@ def test_the_page_has_every_claim_with_both_verdicts(page: str) -> None:
     sentences = re.findall(r"\*\*Over 22 seeds: (.*); over 110: (.*)\.\*\*", page)
     assert len(sentences) == len(CLAIMS)
     assert sentences[2] == ("holds", "holds")
-    assert "with: step h by gradient (12 seeds)" in page
+    assert "\n* can't be told: step h by gradient (12 seeds)\n" in page
+    assert page.startswith("# What of the paper holds\n\nThe paper makes 9 claims")
 
 
 def test_the_page_has_every_open_choice(page: str) -> None:

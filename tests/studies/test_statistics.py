@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import scipy.stats
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
@@ -126,6 +126,15 @@ def test_intervals_of_one_run_and_of_equal_runs() -> None:
     assert bootstrap_interval(np.mean, [2.0] * 5) == (2.0, 2.0, 2.0)
 
 
+@settings(max_examples=20, deadline=None)
+@given(hnp.arrays(np.float64, st.integers(2, 30), elements=st.integers(0, 5)))
+def test_the_interval_of_a_bounded_score_stays_within_its_bounds(
+    catches: NDArray[np.float64],
+) -> None:
+    _, low, high = bootstrap_interval(np.mean, catches, resamples=100)
+    assert 0 <= low <= high <= 5
+
+
 def test_the_interquartile_mean_by_hand() -> None:
     assert interquartile_mean([9.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -90.0]) == 3.5
     two = np.array([[0.0, 1.0, 2.0, 30.0], [5.0, 5.0, 7.0, 7.0]])
@@ -201,3 +210,11 @@ def test_a_choice_is_judged_by_runs_that_had_no_say_in_it() -> None:
     assert (choice, judged.tolist()) == (1, [0, 1, 5])
     with pytest.raises(ValueError, match=r"^3 runs are too few"):
         choose_by_half([[1, 2, 3]])
+
+
+def test_a_choice_that_diverged_is_never_the_best() -> None:
+    diverged = [1, np.nan, 9, 9]
+    assert choose_by_half([diverged, [2, 2, 3, 4], [1, 1, 5, 5]]).choice == 1
+    assert choose_by_half([[0, 0, 1, 1], diverged]).choice == 0
+    with pytest.raises(ValueError, match="every choice are NaN"):
+        choose_by_half([diverged, diverged])

@@ -8,10 +8,8 @@ import torch
 from torch import Tensor
 
 from fnnq_torchrl.agent.rules.errors import RulesError, choices, shown
+from fnnq_torchrl.equations.membership import log_degrees
 from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS, MembershipFunction
-
-ELSEWHERE = ("nearest", "zero")
-"""What fires where no label does: the nearest one, or none, which makes the output 0."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +40,6 @@ class Label:
     def function(self) -> MembershipFunction:
         """Its entry in the registry."""
         return MEMBERSHIP_FUNCTIONS[self.kind]
-
-    def log_degree(self, x: Tensor) -> Tensor:
-        """Log μ(x), of the same shape as x."""
-        return self.function.log_degree(x, *map(x.new_tensor, self.parameters))
 
 
 @dataclass(frozen=True)
@@ -89,14 +83,8 @@ class Variable:
         Returns:
             ``[labels, *points]``; −∞ where a label doesn't fire.
         """
-        degrees = torch.stack([label.log_degree(x) for label in self.labels])
-        if elsewhere == "zero" or not any(label.function.compact for label in self.labels):
-            return degrees
-        supports = [label.function.support(label.parameters) for label in self.labels]
-        distances = torch.stack([torch.maximum(low - x, x - high) for low, high in supports])
-        places = torch.arange(len(supports)).view(-1, *[1] * x.ndim)
-        chosen = (degrees == -inf).all(0) & (places == distances.argmin(0))
-        return degrees.where(~chosen, 0)
+        labels = [(label.kind, [*map(x.new_tensor, label.parameters)]) for label in self.labels]
+        return log_degrees(x, labels, elsewhere)
 
     def gaps(self, points: int = 10_001) -> list[tuple[float, float]]:
         """Parts of the range where no label fires, between neighbours of so many points.

@@ -17,7 +17,7 @@ from fnnq_torchrl.agent.rules.partition import Label, Variable
 from fnnq_torchrl.agent.rules.system import FuzzySystem, observed
 from fnnq_torchrl.agent.values import FNNQValue
 from fnnq_torchrl.config.values import LabelsConfig
-from fnnq_torchrl.equations.membership import rule_width
+from fnnq_torchrl.equations.membership_functions import Membership, membership_of
 
 _CANDIDATES = 21
 
@@ -49,15 +49,16 @@ class RuleBase(FuzzySystem):
         """The rules of a network.
 
         Args:
-            network: whose consequents are taken.
-            config: that the network was made from, which has its labels and their words.
+            network: which has the labels and the consequents.
+            config: that the network was made from, which has the labels' words.
             world: that it learned in, which has the ranges and the names.
             run: which of the network's runs; if not given, the mean over them.
         """
         weights = network.weight.detach().to("cpu", torch.float64)
         weight = weights.mean(0) if run is None else weights[run]
         candidates = tuple(network.candidates.to("cpu", torch.float64).tolist())
-        return cls(partition(config, world), "value", weight, candidates=candidates)
+        inputs = partition(config, world, network.labels_of(run))
+        return cls(inputs, "value", weight, network.t_norm, network.elsewhere, candidates)
 
     @classmethod
     def from_system(cls, system: FuzzySystem, candidates: Sequence[float] = ()) -> Self:
@@ -87,26 +88,16 @@ class RuleBase(FuzzySystem):
         return cls.from_system(system, candidates)
 
     def to_network(self, runs: int = 1, dtype: torch.dtype = torch.float32) -> FNNQValue:
-        """A network with these consequents in every run.
-
-        Raises:
-            RulesError: it has labels or a t-norm that the network doesn't have.
-        """
-        if self.t_norm != "product":
-            raise RulesError(f"the network has no t-norm {self.t_norm}")
-        for variable in self.inputs:
-            for label in variable.labels:
-                if label.kind != "gaussian":
-                    raise RulesError(
-                        f"{variable.name} {label.name}: the network has Gaussians only"
-                    )
+        """A network with these rules, whose consequents are the same in every run."""
         of = {
-            variable.name: [(label.parameters[0], label.parameters[1]) for label in variable.labels]
+            variable.name: [{label.kind: label.parameters} for label in variable.labels]
             for variable in self.inputs
         }
         action = of.pop(self.action.name)
         candidates = torch.tensor(self.candidates, dtype=dtype)
-        network = FNNQValue(of, action, candidates, runs=runs)
+        network = FNNQValue(
+            of, action, candidates, t_norm=self.t_norm, elsewhere=self.elsewhere, runs=runs
+        )
         with torch.no_grad():
             network.weight.copy_(self.consequents.expand_as(network.weight))
         return network
@@ -206,24 +197,27 @@ class RuleBase(FuzzySystem):
         return export_system(path, self, self.candidates, floats=floats)
 
 
-def partition(config: LabelsConfig, world: WorldConfig) -> tuple[Variable, ...]:
+def partition(
+    config: LabelsConfig,
+    world: WorldConfig,
+    labels: Sequence[Sequence[Membership]] | None = None,
+) -> tuple[Variable, ...]:
     """The variables of a configuration: the inputs in their order, and the action.
 
     Args:
         config: the labels and their words.
         world: the ranges and the action's name.
+        labels: those of each variable, where they aren't the configuration's.
     """
+    if labels is None:
+        both = (*config.inputs.values(), config.action)
+        labels = [[membership_of(label, config.width) for label in each] for each in both]
     actions = world.actions
     action_range = (0.0, actions - 1.0) if isinstance(actions, int) else actions
     ranges = {**world.observations, world.action_name: action_range}
-    labels = {**config.inputs, world.action_name: config.action}
     variables = []
-    for name, pairs in labels.items():
-        words = config.names_of(name, len(pairs))
-        low, high = ranges[name]
-        of = tuple(
-            Label(word, "gaussian", (float(centre), rule_width(second, config.width)))
-            for word, (centre, second) in zip(words, pairs, strict=True)
-        )
-        variables.append(Variable(name, of, low, high))
+    for name, its_labels in zip((*config.inputs, world.action_name), labels, strict=True):
+        words = config.names_of(name, len(its_labels))
+        of = (Label(word, *label) for word, label in zip(words, its_labels, strict=True))
+        variables.append(Variable(name, tuple(of), *ranges[name]))
     return tuple(variables)

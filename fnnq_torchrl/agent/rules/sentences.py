@@ -26,10 +26,14 @@ from math import inf
 
 from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices
 from fnnq_torchrl.agent.rules.grid import Grid
-from fnnq_torchrl.agent.rules.partition import ELSEWHERE, Label, Variable
+from fnnq_torchrl.agent.rules.partition import Label, Variable
 from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_names
 from fnnq_torchrl.agent.rules.tokens import Token, Tokens
-from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS, T_NORMS
+from fnnq_torchrl.equations.membership_functions import (
+    ELSEWHERE,
+    MEMBERSHIP_FUNCTIONS,
+    T_NORMS,
+)
 
 _MOST_LABELS = 1_000
 

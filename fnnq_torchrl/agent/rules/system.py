@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from fnnq_torchrl.agent.rules.errors import RulesError, choices, shown
-from fnnq_torchrl.agent.rules.partition import ELSEWHERE, Label, Variable, repeated
-from fnnq_torchrl.equations.membership_functions import T_NORMS
+from fnnq_torchrl.agent.rules.partition import Label, Variable, repeated
+from fnnq_torchrl.equations.membership_functions import ELSEWHERE, T_NORMS
 
 MOST_RULES = 2**16
 """A file with more rules is refused: their number is the product of the numbers of labels."""

@@ -2,8 +2,9 @@
 
 from torch import Tensor
 
+from envs.core.parameters import ConfigError
 from envs.core.registry import class_of
-from fnnq_torchrl.config.values import ValueConfig
+from fnnq_torchrl.config.values import CLUSTERED, ValueConfig
 
 from .base import ValueNetwork
 from .fnnq import FNNQValue
@@ -43,7 +44,12 @@ def make_value_network(config: ValueConfig, candidates: Tensor, runs: int) -> Va
         runs: how many learners it holds.
 
     Raises:
-        ConfigError: the class of a user's own isn't a :class:`ValueNetwork`.
+        ConfigError: the class of a user's own isn't a :class:`ValueNetwork`, or the labels are yet
+            to be found in visited states.
     """
+    if getattr(config, "membership", None) == CLUSTERED:
+        raise ConfigError(
+            f"value.membership={CLUSTERED}: a job finds its labels when it begins to train"
+        )
     network = class_of("value", config.kind, NETWORKS, ValueNetwork)
     return network.from_config(config, candidates, runs)

@@ -2,43 +2,57 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Self
+from typing import ClassVar, Self
 
 from torch import Tensor, nn
 
 from fnnq_torchrl.config.values import LabelsConfig
 from fnnq_torchrl.equations.layout import runs_first, runs_last
-from fnnq_torchrl.equations.membership import defuzzify, rule_width
+from fnnq_torchrl.equations.membership import (
+    defuzzify,
+    log_degrees,
+    log_membership,
+    zero_where_silent,
+)
+from fnnq_torchrl.equations.membership_functions import (
+    MEMBERSHIP_FUNCTIONS,
+    Membership,
+    membership_of,
+)
 
 from .base import ValueNetwork
 
-Labels = Sequence[tuple[float, float]]
+Labels = Sequence[Sequence[float] | Mapping[str, Sequence[float]]]
 
 
 class LabelsValue(ValueNetwork):
     """Q(s, a) = Σ w·Πⱼ φⱼ(sⱼ)·φ(a), over every label of every input with every action label.
 
-    A subclass says what φ is: how much of each Gaussian label a number has.
+    A subclass says what φ is: how much of each label a number has.
 
     Every run has weights of its own, all zero at the start: ``weight`` is ``[runs, labels of input
     1, …, action labels]``. Its memory has the runs last, because that is how the arithmetic wants
     it.
 
     Args:
-        inputs: for each observation, by its name in the TensorDict, its labels (centre, width).
-        action: the action's labels (centre, width).
+        inputs: for each observation, by its name in the TensorDict, its labels: (centre, width) of
+            a Gaussian, or {kind: parameters}, of
+            :data:`fnnq_torchrl.equations.membership_functions.MEMBERSHIP_FUNCTIONS`.
+        action: the action's labels.
         candidates: the actions among which the best is sought, ``[candidates]``; their dtype and
             device are the network's.
-        width: whether a label's second number is a ``"sigma"`` or a ``"variance"``.
+        width: whether the second number of (centre, width) is a ``"sigma"`` or a ``"variance"``.
+        elsewhere: what fires where no label does, the ``"nearest"`` one or none, ``"zero"``.
         runs: how many learners this batch holds; a single one serves inputs of any batch size.
 
     Raises:
         ValueError: if ``width`` is neither.
     """
 
-    schema = LabelsConfig
+    schema: ClassVar[type[LabelsConfig]] = LabelsConfig
 
     candidate_shares: Tensor
+    t_norm = "product"
 
     def __init__(
         self,
@@ -47,40 +61,109 @@ class LabelsValue(ValueNetwork):
         candidates: Tensor,
         *,
         width: str = "sigma",
+        elsewhere: str = "nearest",
         runs: int = 1,
     ) -> None:
         super().__init__(list(inputs), candidates)
         if width not in ("sigma", "variance"):
             raise ValueError(f"width={width!r}: must be 'sigma' or 'variance'")
-        dimensions = [*inputs.values(), action]
-        for i, labels in enumerate(dimensions):
-            centres = [centre for centre, _ in labels]
-            inverse_widths = [1 / rule_width(second, width) for _, second in labels]
-            # Every buffer has memory of its own: a compiled loop allows no aliases.
-            self.register_buffer(f"centres_{i}", candidates.new_tensor(centres))
-            self.register_buffer(f"inverse_widths_{i}", candidates.new_tensor(inverse_widths))
-        # The candidates never change, and so neither does what they have of each label.
-        shares = self._shares(len(inputs), candidates.unsqueeze(-1))
-        self.register_buffer("candidate_shares", shares, persistent=False)
-        weights = candidates.new_zeros([*map(len, dimensions), runs])
+        self.elsewhere = elsewhere
+        self._labels = [
+            [membership_of(label, width) for label in labels]
+            for labels in (*inputs.values(), action)
+        ]
+        # Every buffer has memory of its own: a compiled loop allows no aliases.
+        for i, labels in enumerate(self._labels):
+            if _all_gaussian(labels):
+                centres, widths = zip(*(parameters for _, parameters in labels), strict=True)
+                self.register_buffer(f"centres_{i}", candidates.new_tensor(centres))
+                inverse = [1 / sigma for sigma in widths]
+                self.register_buffer(f"inverse_widths_{i}", candidates.new_tensor(inverse))
+            else:
+                for j, (_, parameters) in enumerate(labels):
+                    self.register_buffer(f"parameters_{i}_{j}", candidates.new_tensor(parameters))
+        self._remember_candidates()
+        weights = candidates.new_zeros([*map(len, self._labels), runs])
         self.weight = nn.Parameter(runs_first(weights))
 
     @classmethod
     def from_config(cls, config: LabelsConfig, candidates: Tensor, runs: int) -> Self:
-        return cls(config.inputs, config.action, candidates, width=config.width, runs=runs)
+        return cls(
+            config.inputs,
+            config.action,
+            candidates,
+            width=config.width,
+            elsewhere=config.elsewhere,
+            runs=runs,
+        )
 
     @abstractmethod
-    def shares(self, x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-        """What a number has of each label; arguments and result as :func:`log_membership`'s."""
+    def shares(self, log_degrees: Tensor) -> Tensor:
+        """What a number has of each label, some of which fires.
+
+        Args:
+            log_degrees: log μ, ``[labels, ..., runs]``.
+
+        Returns:
+            Of the same shape.
+        """
+
+    def labels_of(self, run: int | None = None) -> list[list[Membership]]:
+        """The labels of the inputs in their order, and of the action.
+
+        Args:
+            run: which run's, where each has its own; if not given, the mean over them.
+        """
+        return self._labels
 
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
         shares = [self._shares(i, runs_last(x.squeeze(-1))) for i, x in enumerate(observations)]
         if action is None:
-            every_state = (*self.candidate_shares.shape[:2], *[1] * (shares[0].ndim - 1))
-            action_shares = self.candidate_shares.view(every_state)
+            of_candidates = self._candidate_shares()
+            labels, candidates, *runs = of_candidates.shape
+            every_state = (labels, candidates, *[1] * (shares[0].ndim - 2), *runs)
+            action_shares = of_candidates.view(every_state)
         else:
             action_shares = self._shares(len(shares), runs_last(action.squeeze(-1)).unsqueeze(0))
-        return defuzzify(runs_last(self.weight), shares, action_shares).movedim((0, -1), (-1, 0))
+        values = self._average(runs_last(self.weight), shares, action_shares)
+        return values.movedim((0, -1), (-1, 0))
+
+    def _average(
+        self, consequents: Tensor, shares: Sequence[Tensor], action_shares: Tensor
+    ) -> Tensor:
+        """Q of every action; arguments and result as of :func:`defuzzify`."""
+        return defuzzify(consequents, shares, action_shares)
+
+    def _remember_candidates(self) -> None:
+        """Keep the candidates' shares: they never change, and neither do their labels."""
+        shares = self._shares(len(self._labels) - 1, self.candidates.unsqueeze(-1))
+        self.register_buffer("candidate_shares", shares, persistent=False)
+
+    def _candidate_shares(self) -> Tensor:
+        """What the candidates have of each action label, ``[labels, candidates, runs or 1]``."""
+        return self.candidate_shares
 
     def _shares(self, i: int, x: Tensor) -> Tensor:
-        return self.shares(x, getattr(self, f"centres_{i}"), getattr(self, f"inverse_widths_{i}"))
+        """What numbers have of each label of dimension i, ``[labels, ..., runs]``."""
+        log_degrees = self._log_degrees(i, x)
+        if self.elsewhere == "zero" and _all_compact(self._labels[i]):
+            return zero_where_silent(self.shares, log_degrees)
+        return self.shares(log_degrees)
+
+    def _log_degrees(self, i: int, x: Tensor) -> Tensor:
+        """Log μ of every label of dimension i, ``[labels, ..., runs]``."""
+        labels = self._labels[i]
+        if _all_gaussian(labels):
+            gaussians = (self.get_buffer(f"{of}_{i}") for of in ("centres", "inverse_widths"))
+            return log_membership(x, *gaussians)
+        parameters = [self.get_buffer(f"parameters_{i}_{j}").unbind(0) for j in range(len(labels))]
+        kinds = [kind for kind, _ in labels]
+        return log_degrees(x, [*zip(kinds, parameters, strict=True)], self.elsewhere)
+
+
+def _all_gaussian(labels: Sequence[Membership]) -> bool:
+    return all(kind == "gaussian" for kind, _ in labels)
+
+
+def _all_compact(labels: Sequence[Membership]) -> bool:
+    return all(MEMBERSHIP_FUNCTIONS[kind].compact for kind, _ in labels)

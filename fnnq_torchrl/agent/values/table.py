@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from fnnq_torchrl.equations.membership import crisp_shares
+from fnnq_torchrl.equations.membership import crisp
 
 from .labels import LabelsValue
 
@@ -13,5 +13,5 @@ class TableValue(LabelsValue):
     Arguments and errors: as :class:`fnnq_torchrl.agent.values.labels.LabelsValue`.
     """
 
-    def shares(self, x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
-        return crisp_shares(x, centres, inverse_widths)
+    def shares(self, log_degrees: Tensor) -> Tensor:
+        return crisp(log_degrees)

@@ -1,1 +1,1 @@
-"""What adaptive step sizes do to the paper's experiment: from result files to a page."""
+"""The page on adaptive step sizes, ``docs/adaptive.md``, made from result files."""

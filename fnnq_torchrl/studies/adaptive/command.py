@@ -1,4 +1,4 @@
-"""Writes what adaptive step sizes do: ``python -m fnnq_torchrl.adaptive``."""
+"""Write the page on adaptive step sizes: ``python -m fnnq_torchrl.adaptive``."""
 
 import sys
 
@@ -12,7 +12,7 @@ from .page import write_page
 
 
 def main() -> None:
-    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    """Run the command. An error is one line on stderr and exit status 1."""
     arguments = page_parser("python -m fnnq_torchrl.adaptive", __doc__).parse_args()
     try:
         names = ("adaptive", "stability")

@@ -1,6 +1,8 @@
-"""The page itself, in Markdown. Every number and every verdict in it comes from the results."""
+"""The page in Markdown. Every number and every verdict in it comes from the results."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -20,36 +22,42 @@ LAYER_NORM = "value.layer_norm"
 
 _PAGE = """# What adaptive step sizes do
 
-Written by `make adaptive` from result files; no number here was typed by hand.
+The paper decreases α by a factor after each catch and finds that «the way we decrease α is too
+important». It leaves adaptive schemes for later. Here two adaptive step sizes and a constant α are
+compared with the paper's in its own experiment:
 
-The paper decreases α by a factor after each catch, finds that «the way we decrease α is too
-important», and leaves adaptive schemes for later. Here are two, and a constant α, against its own,
-in its experiment, with α from {lowest:g} to {highest:g} and {runs:,} seeds each:
+{in_short}
+`make adaptive` writes this page from result files; no number in it was typed by hand.
+
+## What is compared
 
 * *decaying α*, the paper's: α × {decay:g} after each catch;
 * *constant α*;
 * *ObGD* (Elsayed, Vasan & Mahmood 2024): α, or less in a step that would overshoot, κ = {kappa:g};
-* *α bound* (Dabney & Barto 2012): α, or the largest that would have turned no TD error's sign.
+* *α bound* (Dabney & Barto 2012): α, or less; never more than the largest α that would have kept
+  the sign of every TD error so far.
 
-The measure is the {measure}, {meaning}.
-Brackets are {confidence:g} % bootstrap intervals (BCa); differences are of the same seeds.
-The best α and the worst are chosen by the first half of the seeds and judged by the second, lest
-chance choose; *spread* is what lies between the two.
-*Over all α* is the mean over the whole range, even on a logarithmic scale: what an α drawn from it
-is worth, to one who doesn't tune. Fewer than {matters} catches, of five, don't matter; that is our
-choice.
-Runs that diverge count as catching nothing from then on.
+Each has α from {lowest:g} to {highest:g}, evenly on a logarithmic scale, and {runs:,} seeds with
+each α. The measure is the {measure}, {meaning}. A run that diverges catches nothing from then on.
+
+* *At its best α*: the first half of the seeds chooses the best α and the worst, and the second half
+  gives their scores. If the same seeds did both, chance would make the best look better. The
+  *spread* is the difference between the scores at the best α and at the worst.
+* *Over all α*: the mean over the whole range. It is the score to expect of an α that isn't tuned.
+* Brackets are {confidence:g} % bootstrap intervals (BCa). Differences are between the same seeds.
+* A difference of fewer than {matters} catches, of five, doesn't matter; that is our choice.
 
 ![Mean score against α](figures/adaptive.png)
 
 {sections}
 ## With a multilayer perceptron
 
-ObGD was made to keep networks stable that learn with traces, from one step after the other. This is
-Stream Q(λ), the recipe of the same authors (`+experiment=stream_q`): a multilayer perceptron with
-normalised layers and sparse initial weights, Watkins' Q(λ) and λ = {stability_lam:g}. Here it has
-{widths} hidden units, and ObGD stands beside a constant α, with α from {stability_lowest:g} to
-{stability_highest:g} and {stability_runs} seeds each; and all once more without normalised layers.
+ObGD was made for networks that learn with traces and from every single step: it keeps them from
+diverging. The same authors' recipe is Stream Q(λ) (`+experiment=stream_q`): a multilayer perceptron
+with normalised layers and sparse initial weights, Watkins' Q(λ) and λ = {stability_lam:g}. Here the
+perceptron has {widths} hidden units. ObGD is compared with a constant α, with α from
+{stability_lowest:g} to {stability_highest:g} and {stability_runs} seeds each, and the whole is
+repeated without normalised layers.
 
 ![Mean score of the perceptron against α](figures/stability.png)
 
@@ -57,19 +65,29 @@ normalised layers and sparse initial weights, Watkins' Q(λ) and λ = {stability
 
 
 def write_page(adaptive: Experiment, stability: Experiment) -> str:
-    """The page.
+    """Return the page.
 
     Args:
-        adaptive: the results of ``experiment=adaptive``.
-        stability: those of ``experiment=stability``.
+        adaptive: the results of ``+experiment=adaptive``.
+        stability: the results of ``+experiment=stability``.
 
     Raises:
-        NoResults: a combination of step size, α and λ is missing, or there are too few seeds.
+        NoResults: a combination of step size, α and λ is missing.
+        ValueError: there are too few seeds to halve them.
     """
     alphas, measure = sorted(adaptive.values("alpha")), MEASURES[MEASURE]
     papers = adaptive.where("step_size", PAPERS).jobs[0].settings
     of_stability = stability.jobs[0].settings
     lam = of_stability["lam"]
+    by_lam = {each: _Compared.of(adaptive, each, PAPERS) for each in sorted(adaptive.values("lam"))}
+    by_norm = {
+        each: _Compared.of(stability.where(LAYER_NORM, each), lam, CONSTANT)
+        for each in stability.values(LAYER_NORM)
+    }
+    in_short = [
+        *(f"With {setting_words('lam', each)}, {_in_short(by_lam[each])}" for each in by_lam),
+        *(f"For {_perceptron(each)}, {_in_short(by_norm[each])}" for each in by_norm),
+    ]
     return _PAGE.format(
         lowest=alphas[0],
         highest=alphas[-1],
@@ -80,74 +98,131 @@ def write_page(adaptive: Experiment, stability: Experiment) -> str:
         meaning=measure.meaning,
         confidence=100 * CONFIDENCE,
         matters=MATTERS,
-        sections="\n".join(_with_lam(adaptive, lam) for lam in sorted(adaptive.values("lam"))),
+        in_short="".join(f"* {sentence}\n" for sentence in in_short),
+        sections="\n".join(
+            f"## With {setting_words('lam', each)}\n\n{_comparison(compared)}\n"
+            f"{_held_back(adaptive, each)}\n"
+            for each, compared in by_lam.items()
+        ),
         stability_lam=lam,
         widths=" and ".join(map(str, of_stability["value.widths"])),
         stability_runs=stability.runs,
         stability_lowest=min(stability.values("alpha")),
         stability_highest=max(stability.values("alpha")),
         stability="\n".join(
-            _with_norm(stability.where(LAYER_NORM, normalised), lam)
-            for normalised in stability.values(LAYER_NORM)
+            f"### {'With' if each else 'Without'} normalised layers\n\n"
+            f"{_diverged_in_all(stability.where(LAYER_NORM, each))}\n\n{_comparison(compared)}"
+            for each, compared in by_norm.items()
         ),
     )
 
 
-def _with_lam(experiment: Experiment, lam: float) -> str:
-    """What is to be said with one λ."""
+@dataclass(frozen=True)
+class _Compared:
+    """Step sizes with one λ, and the differences of each from a reference.
+
+    Attributes:
+        reference: the step size that the others are compared with.
+        runs: the number of runs of each job.
+        schemes: the scores of all step sizes, by name.
+        at_best: each difference in score from the reference, both at their best α.
+        over_alphas: each difference in the mean score over all α.
+    """
+
+    reference: str
+    runs: int
+    schemes: dict[str, Scheme]
+    at_best: dict[str, Interval]
+    over_alphas: dict[str, Interval]
+
+    @classmethod
+    def of(cls, experiment: Experiment, lam: float, reference: str) -> Self:
+        schemes = {
+            step_size: read_scheme(experiment, step_size, lam)
+            for step_size in experiment.values("step_size")
+        }
+        theirs = schemes[reference]
+        others = {name: scheme for name, scheme in schemes.items() if name != reference}
+        return cls(
+            reference,
+            experiment.runs,
+            schemes,
+            {
+                name: paired_difference(ours.at_best, theirs.at_best).mean
+                for name, ours in others.items()
+            },
+            {
+                name: paired_difference(ours.over_alphas, theirs.over_alphas).mean
+                for name, ours in others.items()
+            },
+        )
+
+
+def _in_short(compared: _Compared) -> str:
+    """Return the conclusions on all step sizes, without their figures."""
+    at_best, over_alphas = (
+        _grouped({name: _more_or_less(each) for name, each in found.items()})
+        for found in (compared.at_best, compared.over_alphas)
+    )
     return (
-        f"## With {setting_words('lam', lam)}\n\n{_comparison(experiment, lam, PAPERS)}\n"
-        f"{_held_back(experiment, lam)}\n"
+        f"compared with {value_words(compared.reference)}, each at its best α, {at_best}. "
+        f"Over all α, {over_alphas}."
     )
 
 
-def _with_norm(experiment: Experiment, lam: float) -> str:
-    """What is to be said of the perceptron, its layers normalised or not."""
-    [normalised] = experiment.values(LAYER_NORM)
-    head = f"### {'With' if normalised else 'Without'} normalised layers"
+def _grouped(told: Mapping[str, str]) -> str:
+    """Return the scores of step sizes in words, those with the same words together."""
+    parts = []
+    for words in dict.fromkeys(told.values()):
+        *others, last = [value_words(name) for name in told if told[name] == words]
+        names = f"{', '.join(others)} and {last} score" if others else f"{last} scores"
+        parts.append(f"{names} {words}")
+    return "; ".join(parts)
+
+
+def _perceptron(normalised: bool) -> str:
+    return f"a multilayer perceptron {'with' if normalised else 'without'} normalised layers"
+
+
+def _diverged_in_all(experiment: Experiment) -> str:
+    """Return a sentence on the number of diverged runs of each step size."""
     told = []
     for step_size in experiment.values("step_size"):
         runs = [job.evaluations for job in experiment.where("step_size", step_size).jobs]
         diverged = sum(evaluations.diverged_runs for evaluations in runs)
         of_all = sum(evaluations.runs for evaluations in runs)
         told.append(f"with {value_words(step_size)} {diverged:,} of {of_all:,}")
-    counts = f"Runs that diverged, over all α: {', '.join(told)}."
-    return f"{head}\n\n{counts}\n\n{_comparison(experiment, lam, CONSTANT)}"
+    return f"Runs that diverged, over all α: {', '.join(told)}."
 
 
 def _held_back(experiment: Experiment, lam: float) -> str:
-    """Where the α bound did anything at all."""
+    """Return a sentence on the α at which the α bound changed anything."""
     alphas = held_back(experiment, lam)
     if not alphas:
         return (
-            "The α bound was never below α here, whichever it was: "
-            "its runs are those of the constant, step for step."
+            "The α bound was never below α here: its runs are those of the constant α, step for "
+            "step."
         )
     others = len(experiment.values("alpha")) - len(alphas)
-    same = "; with the others its runs are those of the constant, step for step" if others else ""
-    return f"The α bound was below α with α = {', '.join(f'{a:g}' for a in alphas)}{same}."
+    same = " With the others its runs are those of the constant α, step for step." if others else ""
+    return f"The α bound was below α with α = {', '.join(f'{a:g}' for a in alphas)}.{same}"
 
 
-def _comparison(experiment: Experiment, lam: float, reference: str) -> str:
-    """A sentence for each step size but the one that they are compared with, and tables."""
-    schemes = {
-        step_size: read_scheme(experiment, step_size, lam)
-        for step_size in experiment.values("step_size")
-    }
-    sentences = [_sentence(schemes, name, reference) for name in schemes if name != reference]
-    against = f"against {value_words(reference)}"
+def _comparison(compared: _Compared) -> str:
+    """Return a sentence for each step size but the reference, and the tables."""
+    against = f"against {value_words(compared.reference)}"
     head = ["", "before learning", "best α", "there", against, "over all α", against, "spread"]
     return (
-        "".join(f"* {sentence}\n" for sentence in sentences)
+        "".join(f"* {_sentence(compared, name)}\n" for name in compared.at_best)
         + "\n"
-        + table(head, [_row(schemes, name, reference) for name in schemes])
+        + table(head, [_row(compared, name) for name in compared.schemes])
         + "\n"
-        + _diverged(schemes, experiment.runs)
+        + _diverged(compared.schemes, compared.runs)
     )
 
 
 def _diverged(schemes: Mapping[str, Scheme], runs: int) -> str:
-    """How many runs did, at each α."""
+    """Return a table of the diverged runs at each α."""
     if not any(sum(scheme.diverged.values()) for scheme in schemes.values()):
         return "No run diverged.\n"
     alphas = [f"α = {alpha:g}" for alpha in next(iter(schemes.values())).diverged]
@@ -158,48 +233,39 @@ def _diverged(schemes: Mapping[str, Scheme], runs: int) -> str:
     return table([f"diverged, of {runs:,} runs", *alphas], rows)
 
 
-def _differences(
-    schemes: Mapping[str, Scheme], name: str, reference: str
-) -> tuple[Interval, Interval]:
-    """Of two step sizes: each at its best α, and over all α."""
-    ours, theirs = schemes[name], schemes[reference]
-    return (
-        paired_difference(ours.at_best, theirs.at_best).mean,
-        paired_difference(ours.over_alphas, theirs.over_alphas).mean,
+def _sentence(compared: _Compared, name: str) -> str:
+    """Return the conclusion on a step size."""
+    reference = value_words(compared.reference)
+    ours, theirs = (
+        interval_words(compared.schemes[which].spread) for which in (name, compared.reference)
     )
-
-
-def _sentence(schemes: Mapping[str, Scheme], name: str, reference: str) -> str:
-    """The conclusion on a step size, whichever way it falls."""
-    at_best, over_alphas = _differences(schemes, name, reference)
-    ours, theirs = (interval_words(schemes[which].spread) for which in (name, reference))
     return (
-        f"**{value_words(name)}**, against {value_words(reference)}: each at its best α, it scores "
-        f"{_more_or_less(at_best)}; over all α, {_more_or_less(over_alphas)}. Its "
-        f"spread is {ours} catches, the other's {theirs}."
+        f"**{value_words(name)}** against {reference}: each at its best α, it scores "
+        f"{_more_or_less(compared.at_best[name])}; over all α, "
+        f"{_more_or_less(compared.over_alphas[name])}. Its spread is {ours} catches, that of "
+        f"{reference} {theirs}."
     )
 
 
 def _more_or_less(difference: Interval) -> str:
-    """What the interval of a difference says, in the words of the reproduction's verdicts."""
+    """Return a difference in words, after the verdicts of the reproduction."""
     _, low, high = difference
     if verdict(low, high, Expected.SAME) is Verdict.HOLDS:
-        return f"the same, to within {MATTERS} catches"
+        return f"the same to within {MATTERS} catches"
     for expected in (Expected.MORE, Expected.LESS):
         found = verdict(low, high, expected)
         if found is Verdict.HOLDS:
             return expected.value
         if found is Verdict.BARELY:
-            return f"{expected.value}, perhaps by less than {MATTERS} catches"
-    return "what can't be told from the same"
+            return f"{expected.value} (perhaps by less than {MATTERS} catches)"
+    return "neither clearly more nor less nor the same"
 
 
-def _row(schemes: Mapping[str, Scheme], name: str, reference: str) -> list[str]:
-    scheme = schemes[name]
+def _row(compared: _Compared, name: str) -> list[str]:
+    scheme = compared.schemes[name]
     at_best, over_alphas = (
-        ("", "")
-        if name == reference
-        else (interval_words(each, signed=True) for each in _differences(schemes, name, reference))
+        "" if name == compared.reference else interval_words(found[name], signed=True)
+        for found in (compared.at_best, compared.over_alphas)
     )
     return [
         value_words(name),

@@ -1,4 +1,4 @@
-"""A step size over a range of α: how it does at its best, and how much α matters to it."""
+"""The scores of a step size over a range of α: at the best α, at the worst, and on average."""
 
 from dataclasses import dataclass
 
@@ -15,17 +15,17 @@ MEASURE = "mean_score"
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
-    """Scores of one step size with one λ.
+    """The scores of one step size with one λ.
 
-    The best α and the worst are chosen by half of the seeds (`choose_by_half`).
+    The first half of the seeds chooses the best α and the worst (`choose_by_half`).
 
     Attributes:
         before: the mean score of all runs before they learned.
-        best_alpha: the best by the first half.
-        at_best, at_worst: each run's score with that α, of the second half, ``[runs]``.
-        over_alphas: each run's mean over all α, which is what an α drawn from them is worth,
-            ``[runs]``.
-        diverged: how many runs have, by α, rising.
+        best_alpha: the best α by the first half of the seeds.
+        at_best, at_worst: the scores of the second half at the best α and at the worst, ``[runs]``.
+        over_alphas: each run's mean score over all α, ``[runs]``. It is the expected score of an α
+            drawn at random from the range.
+        diverged: the number of diverged runs by α, with α rising.
     """
 
     before: float
@@ -37,16 +37,16 @@ class Scheme:
 
     @property
     def spread(self) -> Interval:
-        """How much more the best α scores than the worst."""
+        """The difference between the scores at the best α and at the worst."""
         return paired_difference(self.at_best, self.at_worst).mean
 
 
 def read_scheme(experiment: Experiment, step_size: str, lam: float) -> Scheme:
-    """The step size's jobs, one for each α of the experiment.
+    """Read the jobs of a step size, one for each α of the experiment.
 
     Raises:
         NoResults: a job is missing, or has other seeds.
-        ValueError: there are too few runs to be halved.
+        ValueError: there are too few runs to halve them.
     """
     alphas = sorted(experiment.values("alpha"))
     runs = same_seeds(experiment.jobs)
@@ -64,7 +64,7 @@ def read_scheme(experiment: Experiment, step_size: str, lam: float) -> Scheme:
 
 
 def held_back(experiment: Experiment, lam: float) -> list[float]:
-    """The α at which the α bound changed what came of a run: else it was never below α.
+    """Return the α at which the α bound was below α in some step, and so changed the runs.
 
     Raises:
         NoResults: a job is missing.

@@ -1,1 +1,1 @@
-"""What value functions do where nothing was seen, from the result files of two experiments."""
+"""The page on value functions where nothing was seen, ``docs/extrapolation.md``."""

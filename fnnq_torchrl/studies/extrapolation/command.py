@@ -1,4 +1,4 @@
-"""Writes what becomes of Q where nothing was seen: ``python -m fnnq_torchrl.extrapolation``."""
+"""Write the page on extrapolation: ``python -m fnnq_torchrl.extrapolation``."""
 
 import sys
 from pathlib import Path
@@ -17,7 +17,7 @@ from .pictures import FIGURES
 
 
 def main() -> None:
-    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    """Run the command. An error is one line on stderr and exit status 1."""
     arguments = page_parser("python -m fnnq_torchrl.extrapolation", __doc__).parse_args()
     try:
         sweep = newest_experiment(arguments.results, "value_functions")
@@ -30,11 +30,15 @@ def main() -> None:
 
 
 def measure(experiment: Experiment) -> tuple[list[Findings], list[FirstSide]]:
-    """All there is to say of each value function, and of its first side where α isn't decreased.
+    """Measure the runs of an experiment.
+
+    Returns:
+        The findings on each value function with a decaying α, and what each with a constant α
+        still catches on its first side.
 
     Raises:
-        NoResults: a value function lacks one of the two, or those that the paper's claim is about
-            aren't there, or see `Findings.of`.
+        NoResults: a value function lacks its jobs with a decaying α or those with a constant α,
+            fnnq or mlp is missing, or an evaluation is missing (`Findings.of`).
         OSError, ValueError: a file can't be read.
     """
     learners = [Learner.of(job) for job in experiment.jobs]

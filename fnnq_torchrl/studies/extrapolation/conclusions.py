@@ -1,4 +1,4 @@
-"""What the intervals say, in sentences."""
+"""Conclusions from the intervals, in sentences."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,26 +14,26 @@ from .forgetting import FirstSide
 from .playing import TESTS
 
 MOVES = 0.1
-"""Q that has moved by less than this, per unit of the seen side, has stayed where it was. Ours."""
+"""The smallest movement of Q, per unit of the seen side, that counts as one. It is our choice."""
 
 CATCHES = 0.5
-"""A difference of fewer catches than this, of all tests of a side, is as good as none. Ours."""
+"""The smallest difference, in catches of all tests of a side, that matters. It is our choice."""
 
 
 def above(interval: Interval, bound: float) -> Verdict:
-    """Whether something is more than a bound: the whole of its interval, none of it, or neither."""
+    """Return the verdict on "more than a bound": all of the interval, none of it, or neither."""
     if interval.low > bound:
         return Verdict.HOLDS
     return Verdict.FAILS if interval.high <= bound else Verdict.OPEN
 
 
 def moved(findings: Findings) -> Interval:
-    """Movement on the unseen side, per unit of the seen one."""
+    """Return the mean movement on the unseen side, per unit of the seen side."""
     return bootstrap_interval(np.mean, findings.moved_in(findings.where.unseen))
 
 
 def movement_words(interval: Interval) -> str:
-    """What became of Q where nothing was seen."""
+    """Return a movement of Q in words, which follow "its Q"."""
     if interval.high < MOVES:
         return "stayed where it was"
     if interval.low >= 1:
@@ -46,7 +46,7 @@ def movement_words(interval: Interval) -> str:
 
 
 def difference_words(interval: Interval, more: str, less: str) -> str:
-    """What a difference in catches comes to."""
+    """Return a difference in catches in words: more, less, none that matters, or unknown."""
     if interval.low >= CATCHES:
         return more
     if interval.high <= -CATCHES:
@@ -57,7 +57,11 @@ def difference_words(interval: Interval, more: str, less: str) -> str:
 
 
 def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
-    """The paper's two claims, which of both moves more, and what it is good for; one line each."""
+    """Return the conclusions, one line each.
+
+    They are on the paper's claims, on the network whose Q moves farther, and for each value
+    function on what the movement does to catching.
+    """
     local, other = by_kind["fnnq"], by_kind["mlp"]
     of_local, of_other = moved(local), moved(other)
     stays = {Verdict.HOLDS: Verdict.FAILS, Verdict.FAILS: Verdict.HOLDS}
@@ -69,42 +73,49 @@ def conclusions(by_kind: Mapping[str, Findings]) -> list[str]:
         Verdict.OPEN: "which moves farther can't be told",
     }[above(more, 0)]
     lines = [
-        f"«The fuzzy network doesn't extrapolate»: **{local_verdict.value}**. Where it had seen "
-        f"nothing its Q {movement_words(of_local)}: {interval_words(of_local)}.",
-        f"«The MLP does»: **{above(of_other, MOVES).value}**. Its Q {movement_words(of_other)}: "
-        f"{interval_words(of_other)}.",
-        f"Of the two, {order}: MLP − fuzzy network {interval_words(more, signed=True)} per unit of "
-        "the seen side, by pairs of seeds.",
+        f"The claim that the fuzzy network doesn't extrapolate **{local_verdict.value}**. Where it "
+        f"had seen nothing, its Q {movement_words(of_local)}: {interval_words(of_local)}.",
+        *(
+            f"The claim that it is a local approximator with compact membership functions "
+            f"**{stays.get(above(moved(findings), MOVES), Verdict.OPEN).value}** for `{kind}`. Its "
+            f"Q there {movement_words(moved(findings))}: {interval_words(moved(findings))}."
+            for kind, findings in by_kind.items()
+            if kind.startswith("fnnq, ")
+        ),
+        f"The claim that the MLP does **{above(of_other, MOVES).value}**. Its Q there "
+        f"{movement_words(of_other)}: {interval_words(of_other)}.",
+        f"Of the two, {order}: MLP − fuzzy network {interval_words(more, signed=True)}, by pairs "
+        "of seeds.",
     ]
     for kind, findings in by_kind.items():
         helped = bootstrap_interval(np.mean, findings.helped)
         kept = bootstrap_interval(np.mean, findings.first_side.kept)
         lines.append(
-            f"`{kind}`: its Q {movement_words(moved(findings))}. For catching on the unseen side, "
-            f"its Q there {difference_words(helped, 'helps', 'hurts')} "
-            f"({interval_words(helped, signed=True)} catches of {TESTS}, against random actions "
-            "where nothing was seen); for catching on the first, learning on the second "
-            f"{difference_words(kept, 'helps', 'hurts: it forgets')} "
-            f"({interval_words(kept, signed=True)})."
+            f"`{kind}`: on the unseen side its Q {movement_words(moved(findings))}. For catching "
+            f"there, this Q {difference_words(helped, 'helps', 'hurts')}: "
+            f"{interval_words(helped, signed=True)} catches of {TESTS}, against random actions "
+            "where nothing was seen. For catching on the first side, learning on the second "
+            f"{difference_words(kept, 'helps', 'hurts: it forgets')}: "
+            f"{interval_words(kept, signed=True)}."
         )
     return lines
 
 
 def forgetting_conclusion(constant: Sequence[FirstSide]) -> str:
-    """What the other side does to the first where α isn't decreased; one line."""
+    """Return the conclusion on forgetting with a constant α, in one line."""
     told = []
     for each in constant:
         interval = bootstrap_interval(np.mean, each.kept)
         said = difference_words(interval, "helps", "hurts: it forgets")
-        told.append(f"of `{each.kind}` it {said} ({interval_words(interval, signed=True)})")
+        told.append(f"`{each.kind}` it {said} ({interval_words(interval, signed=True)})")
     return (
-        "With an α that isn't decreased, for catching on the first side, learning on the second: "
-        f"{'; '.join(told)}."
+        "With a constant α, learning on the second side has this effect on catching on the first: "
+        f"with {'; with '.join(told)}."
     )
 
 
 def _pairs(one: Findings, other: Findings) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Movement on the unseen side of both, of the seeds that diverged in neither."""
+    """Return both movements on the unseen side, for the seeds that diverged in neither."""
     seeds, others = (findings.sound.snapshots.seed.numpy() for findings in (one, other))
     return (
         one.moved_in(one.where.unseen)[np.isin(seeds, others)],

@@ -1,4 +1,4 @@
-"""All that is measured of one value function's runs."""
+"""All measurements on the runs of one value function."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -23,44 +23,47 @@ from .movement import (
 from .playing import catches, shares_beyond
 
 INTERFERENCE_AFTER = (5, 50, 200)
-"""Situations of learning after which interference is measured."""
+"""The numbers of situations of learning after which interference is measured."""
 
 ACTIONS = torch.linspace(-1, 1, 5)
-"""Δv of the updates whose interference is measured."""
+"""The actions Δv of the updates whose interference is measured."""
 
 FAR_RAD = 0.5
-"""States at least so far apart are told in one number."""
+"""The distance from which on the interference is averaged to one number."""
 
 Numbers = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """Of every run of a value function; the first dimension of all arrays is the runs.
+    """The measurements on a value function's runs.
 
-    That is all of them in `caught`, and those that never diverged in all else.
+    The first dimension of every array is the runs: all of them in `caught` and `control`, and only
+    those that never diverged in the others.
 
     Attributes:
         learner: all runs.
-        sound: those that never diverged.
-        where: the states of `.movement.STATES` by what was seen of them.
-        moved: after the first side, per unit of the seen side (`movement`), ``[runs, states]``.
+        sound: the runs that never diverged.
+        where: the regions of `.movement.STATES`: seen, unseen, and beyond the field of view.
+        moved: the movement of Q after the first side, per unit of the seen side (`movement`),
+            ``[runs, states]``.
         values: V before learning, after the first side and after the second, ``[runs, 3, states]``.
-        beyond: how far the greedy action changes beyond the field of view, on the seen side and on
+        beyond: the change of the greedy action beyond the field of view, on the seen side and on
             the other, ``[runs, 2]``, in units of Δv.
-        towards: share of the seen states, and of the unseen ones, where the greedy action turns
-            towards the ball after the first side, ``[runs, 2]``.
-        caught: of the tests, before, after the first side and after the second, on the side learned
-            first and on the other, ``[runs, 3, 2]``.
-        control: of the other side's, after the first, with random actions where nothing was seen,
-            ``[runs]``.
-        hidden: share of the states visited on the first side that are farther to the right than the
-            head sees, ``[runs]``.
-        would_see: share that, with a head that sees both sides, would be to the right of straight
-            ahead, and farther to the right than that, ``[runs, 2]``.
-        spread: interference by the distance, after each of `INTERFERENCE_AFTER`, with the α of the
+        towards: the share of the seen states, and of the unseen states, where the greedy action
+            turns towards the ball after the first side, ``[runs, 2]``.
+        caught: the catches before learning, after the first side and after the second, in the tests
+            of the side learned first and of the other, ``[runs, 3, 2]``.
+        control: the catches in the other side's tests after the first side, with random actions
+            where nothing was seen, ``[runs]``.
+        hidden: the share of the states visited on the first side that lie farther to the right than
+            the head sees, ``[runs]``.
+        would_see: the shares to the right of straight ahead, and farther to the right than the head
+            sees, if the head saw both sides, ``[runs, 2]``.
+        spread: the interference by distance after each of `INTERFERENCE_AFTER`, with the α of the
             start, ``[runs, 3, distances]``.
-        spread_decayed: the same after the last of them with `decayed_alpha`, ``[runs, distances]``.
+        spread_decayed: the interference after the last of them, with `decayed_alpha`,
+            ``[runs, distances]``.
     """
 
     learner: Learner
@@ -79,7 +82,7 @@ class Findings:
 
     @classmethod
     def of(cls, learner: Learner) -> Self:
-        """Measure.
+        """Measure the runs.
 
         Raises:
             NoResults: there is no evaluation at the switch, or at one of `INTERFERENCE_AFTER`.
@@ -110,34 +113,34 @@ class Findings:
 
     @property
     def kind(self) -> str:
-        """Which value function it is."""
+        """The kind of value function."""
         return self.learner.kind
 
     def moved_in(self, region: NDArray[np.bool_]) -> Numbers:
-        """The mean movement over some of the states, ``[runs]``."""
+        """Return the mean movement over some of the states, ``[runs]``."""
         mean: Numbers = self.moved[:, region].mean(axis=1)
         return mean
 
     @property
     def helped(self) -> Numbers:
-        """Catches on the other side that Q brings where nothing was seen, ``[runs]``."""
+        """The catches on the other side that are due to Q where nothing was seen, ``[runs]``."""
         return self.caught[:, 1, 1] - self.control
 
     @property
     def first_side(self) -> FirstSide:
-        """The side learned first, when the other had been learned, too."""
+        """The catches on the side learned first, before and after the other was learned."""
         return FirstSide.of(self.learner, self.caught[:, 1:, 0])
 
     @property
     def far(self) -> tuple[Numbers, Numbers]:
-        """Interference at `FAR_RAD` or more, after the last of `INTERFERENCE_AFTER`.
+        """The interference at `FAR_RAD` or more, after the last of `INTERFERENCE_AFTER`.
 
-        With the α of the start, and with `decayed_alpha`; each ``[runs]``.
+        The first is with the α of the start, the second with `decayed_alpha`; each ``[runs]``.
         """
         far = distances() >= FAR_RAD
         return self.spread[:, -1, far].mean(axis=1), self.spread_decayed[:, far].mean(axis=1)
 
 
 def decayed_alpha(config: Config) -> float:
-    """The smallest α there can be after the last of `INTERFERENCE_AFTER`: all were catches."""
+    """Return the smallest possible α after the last of `INTERFERENCE_AFTER`: after catches only."""
     return float(config.alpha * config.alpha_decay ** INTERFERENCE_AFTER[-1])

@@ -1,4 +1,4 @@
-"""What becomes of the side learned first when the other is learned."""
+"""Catches on the side learned first, before and after the other side is learned."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -17,9 +17,10 @@ class FirstSide:
     """Catches on the side learned first.
 
     Attributes:
-        kind: which value function it is.
-        caught: of the first side's tests, after it and after the second, ``[runs, 2]``.
-        diverged: the runs that had by then, ``[runs, 2]``.
+        kind: the kind of value function.
+        caught: catches in the first side's tests, after the first side and after the second,
+            ``[runs, 2]``.
+        diverged: whether a run had diverged by then, ``[runs, 2]``.
     """
 
     kind: str
@@ -28,11 +29,11 @@ class FirstSide:
 
     @classmethod
     def of(cls, learner: Learner, caught: Numbers | None = None) -> Self:
-        """Have the runs play.
+        """Let the runs play the first side's tests.
 
         Args:
             learner: the runs.
-            caught: if that is known already.
+            caught: their catches, if they are known already.
 
         Raises:
             NoResults: there is no evaluation after a side.
@@ -45,9 +46,9 @@ class FirstSide:
 
     @property
     def kept(self) -> Numbers:
-        """Catches that the second side has brought or, below 0, cost, ``[runs]``.
+        """The catches that learning the second side added or, below 0, cost, ``[runs]``.
 
-        Of the runs that had not diverged before; the others have nothing to forget.
+        Runs that had diverged before are left out: they have nothing to forget.
         """
         change: Numbers = (self.caught[:, 1] - self.caught[:, 0])[~self.diverged[:, 0]]
         return change

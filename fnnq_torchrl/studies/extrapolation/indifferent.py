@@ -1,4 +1,4 @@
-"""A value function that knows nothing where nothing was seen: the control for what it is worth."""
+"""A value function that prefers no action where nothing was seen: the control of the study."""
 
 from torch import Tensor, where
 
@@ -6,13 +6,13 @@ from fnnq_torchrl.agent.values import ValueNetwork
 
 
 class IndifferentWhereUnseen(ValueNetwork):
-    """Another's Q where states were seen, and 0 for every action elsewhere.
+    """Another network's Q where states were seen, and 0 for every action elsewhere.
 
-    So the greedy policy draws lots there.
+    There the greedy policy draws an action at random.
 
     Args:
-        network: the other, which sees the bearing.
-        edge_rad: states with a smaller bearing Δθ were not seen.
+        network: the other network, which observes the bearing.
+        edge_rad: the edge of the seen states; smaller bearings Δθ were not seen.
     """
 
     def __init__(self, network: ValueNetwork, edge_rad: float) -> None:

@@ -1,4 +1,4 @@
-"""How far one update at a state moves Q at others."""
+"""Interference: the effect of one update at a state on Q at other states."""
 
 import numpy as np
 import torch
@@ -9,7 +9,7 @@ from .learners import Learner, Weights
 
 SPACING_RAD = 0.05
 FARTHEST_RAD = 1.0
-"""Distances are looked at from 0 to this, in steps of the spacing."""
+"""The largest distance of two states; distances begin at 0, in steps of the spacing."""
 
 Numbers = NDArray[np.float64]
 
@@ -23,14 +23,14 @@ def interference(learner: Learner, page: int, actions: Tensor, alpha: float) -> 
     """|ΔQ(s′, a)| / |ΔQ(s, a)| after one update at (s, a), by the distance of s′ from s.
 
     The update is that of plain Q-learning with an error of one: Δw = α∇Q(s, a). Q is evaluated
-    before and after, so nothing is linearised. s is on a grid over the seen states, s′ on one over
-    the whole field of view.
+    before and after it, so nothing is linearised. s is on a grid over the seen states, s′ on a grid
+    over the whole field of view.
 
     Args:
-        learner: whose Q.
-        page: the evaluation whose weights are updated.
-        actions: the a to average over.
-        alpha: α of the update. Of a Q linear in its weights it changes nothing.
+        learner: the runs.
+        page: the index of the evaluation whose weights are updated.
+        actions: the actions a to average over.
+        alpha: α of the update. It makes no difference where Q is linear in its weights.
 
     Returns:
         ``[runs, distances]``, the mean over a and over all s and s′ at that distance.
@@ -62,10 +62,10 @@ def interference(learner: Learner, page: int, actions: Tensor, alpha: float) -> 
 def _updated(
     learner: Learner, weights: Weights, bearing_rad: Tensor, action: Tensor, alpha: float
 ) -> Weights:
-    """The weights after one update of every run: w + α∇Q(s, a)."""
+    """Return the weights after one update of every run: w + α∇Q(s, a)."""
     leaves = {name: weight.clone().requires_grad_() for name, weight in weights.items()}
     with torch.enable_grad():
-        # No run's Q depends on another's weights: the sum's gradient is each run's own.
+        # No run's Q depends on another run's weights, so the sum's gradient is each run's own.
         total = learner.values(leaves, bearing_rad, action.view(1)).sum()
         slopes = torch.autograd.grad(total, list(leaves.values()))
     pairs = zip(weights.items(), slopes, strict=True)

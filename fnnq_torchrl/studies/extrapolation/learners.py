@@ -1,4 +1,4 @@
-"""The runs of a job as they were at each evaluation: Q(s, a) from the weights in snapshots.pt."""
+"""The runs of a job at each of its evaluations: Q(s, a) from the weights in snapshots.pt."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,6 +14,7 @@ from envs.robot.schemas import FollowOneSideConfig
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.config.values import LabelsConfig
 from fnnq_torchrl.studies.experiments import Job, NoResults
 from fnnq_torchrl.training.jobs import SNAPSHOTS
 from fnnq_torchrl.training.weights import Snapshots, load_snapshots
@@ -21,14 +22,23 @@ from fnnq_torchrl.training.weights import Snapshots, load_snapshots
 Weights = dict[str, Tensor]
 
 
+def kind_of(config: Config) -> str:
+    """Return what the page calls a value function: its kind and, if not Gaussian, its labels."""
+    value = config.value
+    labels = value.inputs["bearing"] if isinstance(value, LabelsConfig) else []
+    shapes = {next(iter(label)) for label in labels if isinstance(label, dict)}
+    words = "".join(f", {len(labels)} {shape}s" for shape in sorted(shapes))
+    return f"{value.kind}{words}"
+
+
 @dataclass(frozen=True, eq=False)
 class Learner:
-    """Runs of one value function that learned on one side, and then on the other.
+    """Runs of one value function that learned on the left, and then on the right.
 
-    They began on the left, which is therefore called the seen side.
+    The left is called the seen side.
 
     Raises:
-        NoResults: on creation, if they began on both sides or the right, or never switched.
+        NoResults: on creation, if the runs didn't begin on the left alone, or never switched.
     """
 
     config: Config
@@ -46,11 +56,11 @@ class Learner:
 
     @classmethod
     def of(cls, job: Job) -> Self:
-        """The runs of a job, which has left its snapshots.
+        """Read the runs of a job from its snapshots.
 
         Raises:
-            NoResults: they aren't there, or of another experiment.
-            OSError, ValueError: they can't be read.
+            NoResults: there are no snapshots, or they are of another experiment.
+            OSError, ValueError: the snapshots can't be read.
         """
         path = job.directory / SNAPSHOTS
         if not path.exists():
@@ -58,10 +68,10 @@ class Learner:
         return cls(job.config, load_snapshots(path), job.evaluations.diverged)
 
     def sound(self) -> Self:
-        """The runs that never diverged; of the others' Q nothing can be said.
+        """Return the runs that never diverged. The Q of the others says nothing.
 
         Raises:
-            NoResults: there are none.
+            NoResults: all runs diverged.
         """
         never = ~self.diverged.any(axis=1)
         if not never.any():
@@ -73,29 +83,28 @@ class Learner:
 
     @property
     def kind(self) -> str:
-        """Which value function it is."""
-        kind: str = self.config.value.kind
-        return kind
+        """The value function, as the page calls it."""
+        return kind_of(self.config)
 
     @property
     def edge_rad(self) -> float:
-        """The bearing Δθ where what is seen on the left ends, to the right of straight ahead."""
+        """The bearing Δθ at the edge of the seen states, to the right of straight ahead."""
         world = self.config.env
         return -min(world.other_view_rad, world.field_of_view_rad)
 
     @property
     def runs(self) -> int:
-        """How many there are."""
+        """The number of runs."""
         return len(self.snapshots.seed)
 
     @cached_property
     def network(self) -> ValueNetwork:
-        """The value function, of a single run, which serves any number of runs' weights."""
+        """The value function of a single run, which can be called with the weights of many runs."""
         dtype = getattr(torch, self.config.machine.dtype)
         return make_value_network(self.config.value, make_candidates(self.config, dtype), runs=1)
 
     def page(self, situations: int) -> int:
-        """Which evaluation it is that came after so many situations.
+        """Return the index of the evaluation after a number of situations.
 
         Raises:
             NoResults: there is none.
@@ -106,16 +115,16 @@ class Learner:
         return int(pages[0])
 
     def weights(self, page: int) -> Weights:
-        """By name, each ``[runs, ...]``."""
+        """Return the weights at an evaluation by name, each ``[runs, ...]``."""
         return {name: weight[page] for name, weight in self.snapshots.weights.items()}
 
     def values(self, weights: Weights, bearing_rad: Tensor, action: Tensor | None = None) -> Tensor:
-        """Q(s, a) of all runs.
+        """Return Q(s, a) of all runs.
 
         Args:
-            weights: by name, each ``[runs, ...]``.
+            weights: the weights by name, each ``[runs, ...]``.
             bearing_rad: Δθ, ``[states]``.
-            action: Δv of every state, ``[states]``; all the candidates if not given.
+            action: Δv in each state, ``[states]``; all candidates if None.
 
         Returns:
             ``[runs, states, candidates]``, or with an action ``[runs, states, 1]``.

@@ -1,4 +1,4 @@
-"""How far Q moved, where states were seen, where none was, and beyond what the head can see."""
+"""The movement of Q where states were seen, where none were, and beyond the field of view."""
 
 from typing import NamedTuple
 
@@ -10,13 +10,13 @@ from torch import Tensor
 from .learners import Learner
 
 STATES = torch.linspace(-1.5, 1.5, 301)
-"""Δθ in rad, where Q is looked at."""
+"""The bearings Δθ, in rad, at which Q is evaluated."""
 
 Numbers = NDArray[np.float64]
 
 
 class Regions(NamedTuple):
-    """Where on `STATES`, bool ``[states]`` each."""
+    """Regions of `STATES`, each a mask, bool ``[states]``."""
 
     seen: NDArray[np.bool_]
     unseen: NDArray[np.bool_]  # within the head's field of view
@@ -25,7 +25,7 @@ class Regions(NamedTuple):
 
 
 def regions(learner: Learner) -> Regions:
-    """What is seen on the left: from the edge of the view to the right, to that to the left."""
+    """Return the regions by what the head saw while learning on the left."""
     state, world = STATES.double().numpy(), learner.config.env
     view, other = world.field_of_view_rad, min(world.other_view_rad, world.field_of_view_rad)
     tiny = 1e-6  # the grid is in single precision
@@ -39,16 +39,16 @@ def regions(learner: Learner) -> Regions:
 
 
 def movement(learner: Learner, page: int) -> Numbers:
-    """How far Q is from where it started, per unit of the same where states were seen.
+    """Return the distance of Q from its start, per unit of its mean over the seen states.
 
         m(s) = √(meanₐ(Q(s, a) − Q₀(s, a))²),   m(s) / (mean of m over the seen states)
 
     Args:
-        learner: whose Q.
-        page: the evaluation.
+        learner: the runs.
+        page: the index of the evaluation.
 
     Returns:
-        ``[runs, states]`` of `STATES`, with the mean over the candidate actions a.
+        The movement at `STATES`, ``[runs, states]``. The mean is over the candidate actions a.
     """
     now, start = (learner.values(learner.weights(which), STATES) for which in (page, 0))
     moved = (now - start).double().square().mean(-1).sqrt().numpy()
@@ -58,30 +58,31 @@ def movement(learner: Learner, page: int) -> Numbers:
 
 
 def state_values(learner: Learner, page: int) -> Numbers:
-    """V(s) = maxₐ Q(s, a) on `STATES`, ``[runs, states]``."""
+    """Return V(s) = maxₐ Q(s, a) at `STATES`, ``[runs, states]``."""
     values: Numbers = learner.values(learner.weights(page), STATES).double().amax(-1).numpy()
     return values
 
 
 def towards_the_ball(learner: Learner, page: int) -> tuple[Numbers, Numbers]:
-    """In how many of the states the greedy action turns the robot towards the ball.
+    """Return the shares of states where the greedy action turns the robot towards the ball.
 
     Returns:
-        The share of the seen states but straight ahead, and of the unseen ones, ``[runs]`` each.
+        The share of the seen states except straight ahead, and of the unseen states, ``[runs]``
+        each.
     """
     where = regions(learner)
-    turns = (
-        (_greedy(learner, page) * STATES < 0).double().numpy()
-    )  # a positive Δv turns right, from a positive Δθ
+    # A positive Δv turns right, away from a ball at a positive Δθ.
+    turns = (_greedy(learner, page) * STATES < 0).double().numpy()
     seen = where.seen & (STATES.abs().numpy() > 1e-6)
     return turns[:, seen].mean(axis=1), turns[:, where.unseen].mean(axis=1)
 
 
 def greedy_change_beyond(learner: Learner, page: int) -> tuple[Numbers, Numbers]:
-    """How far the greedy action beyond the field of view is from that at its edge.
+    """Return the change of the greedy action beyond the field of view from that at its edge.
 
     Returns:
-        The mean |Δv| over the states beyond, on the seen side and on the other, ``[runs]`` each.
+        The mean difference |Δv − Δv(edge)| over the states beyond, on the seen side and on the
+        other, ``[runs]`` each.
     """
     where = regions(learner)
     greedy = _greedy(learner, page).double().numpy()
@@ -94,6 +95,6 @@ def greedy_change_beyond(learner: Learner, page: int) -> tuple[Numbers, Numbers]
 
 
 def _greedy(learner: Learner, page: int) -> Tensor:
-    """The greedy action Δv on `STATES`, ``[runs, states]``."""
+    """Return the greedy action Δv at `STATES`, ``[runs, states]``."""
     candidates = learner.network.candidates
     return candidates[learner.values(learner.weights(page), STATES).argmax(-1)]

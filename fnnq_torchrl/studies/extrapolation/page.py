@@ -1,4 +1,4 @@
-"""The page itself, in Markdown. Every number in it comes from the results."""
+"""The page in Markdown. Every number in it comes from the results."""
 
 from collections.abc import Iterable, Sequence
 
@@ -6,7 +6,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from fnnq_torchrl.equations.membership import firing_shares, rule_width
+from fnnq_torchrl.equations.membership import firing_shares
+from fnnq_torchrl.equations.membership_functions import rule_width
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
 from fnnq_torchrl.studies.statistics import bootstrap_interval
@@ -21,13 +22,10 @@ from .step_sizes import best_steps, step_words
 
 _PAGE = """# Does it extrapolate?
 
-Written by `make extrapolation` from result files; no number here was typed by hand.
-
-The paper says that a local approximator such as its fuzzy neural network doesn't extrapolate into
-parts of the space that it hasn't seen, and that a multilayer perceptron does. It gives no
-experiment. Here is one, over {runs} seeds of each value function.
-
-## In short
+The paper says that its fuzzy neural network, a local approximator, doesn't extrapolate into parts
+of the space that it hasn't seen, or does so less than a multilayer perceptron. It gives no
+experiment. This is one, over {runs} seeds of each value function. Movement is per unit of the
+movement where states were seen.
 
 {conclusions}
 
@@ -35,39 +33,41 @@ experiment. Here is one, over {runs} seeds of each value function.
 
 {share}
 
+`make extrapolation` writes this page from result files; no number in it was typed by hand.
+
 ## What was done
 
 * *Learning on the left.* For {switch} situations the ball starts on the left of straight ahead (φ₀
-  ≥ 0), and the head sees it from {view:g} rad on the left to {other:g} rad on the right: a ball
-  farther to the right is reported at that edge. So no state with Δθ < −{other:g} rad occurs, and
-  the *unseen* side is −{view:g} ≤ Δθ < −{other:g}. The {other:g} rad are about what one step turns
-  the robot by; with less, it can't tell which way it has lost the ball.
-* *Learning on the right.* For {then} more situations all is mirrored: what had been unseen is seen,
-  and the far left is not. α isn't set back: × {decay:g} a catch, it is down to {decayed:.2g} of its
-  start after {switch} catches, so less is learned here, and forgotten, than might be. Therefore all
-  is done once more with an α that isn't decreased, but stays what was best at the start of one that
-  is, to see what is forgotten then.
-* *Movement* of Q at a state is √(meanₐ(Q − Q₀)²) over the candidate actions a, Q₀ being Q before
-  learning, per unit of its mean over the seen states (evenly from −{other:g} to {view:g} rad).
-* *Catches* are the greedy policy's, of {tests} tests on each side: φ₀ of {angles} rad on the left,
-  its mirror images on the right, each with ω_b of {speeds} rad/s. In the tests the head sees both
+  ≥ 0). The head sees it from {view:g} rad on the left to {other:g} rad on the right, and reports a
+  ball farther to the right at that edge. So no state with Δθ < −{other:g} rad occurs, and the
+  *unseen* side is −{view:g} ≤ Δθ < −{other:g}. One step turns the robot by about {other:g} rad; if
+  the head saw less, the robot couldn't tell on which side it has lost the ball.
+* *Learning on the right.* For {then} more situations all is mirrored: the unseen side is seen, and
+  the far left is not. α goes on from where it was: at × {decay:g} a catch, it is down to
+  {decayed:.2g} of its start after {switch} catches. So less is learned here, and forgotten, than
+  with a larger α. Therefore everything is repeated with a constant α, which has the same start.
+* *Movement* of Q at a state is √(meanₐ(Q − Q₀)²), where Q₀ is Q before learning and a are the
+  candidate actions. It is given per unit of its mean over the seen states, evenly from −{other:g}
+  to {view:g} rad.
+* *Catches* are those of the greedy policy in {tests} tests on each side: φ₀ of {angles} rad on the
+  left, and mirrored on the right, each with ω_b of {speeds} rad/s. In the tests the head sees both
   sides. A robot that loses the ball to the unseen side may find it again by chance. So there is a
   *control*: the same policy, but with random actions in all states that were not seen.
-* *Interference* is |ΔQ(s′, a)|/|ΔQ(s, a)| after a single update of plain Q-learning, with an error
-  of one and the α of the start, at (s, a): s over the seen states, s′ over all, evenly spaced; a of
-  −1, −0.5, 0, 0.5 and 1. Where Q is linear in its weights α has no say in it; for the others it was
-  measured with a decreased α, too.
-* All else is as by default. Brackets are {confidence:g} % bootstrap intervals (BCa) over the seeds,
-  each of which stands for itself. Q that has moved by less than {moves:g} of the seen side's
-  movement *stayed where it was*, and fewer than {catches:g} catches *don't matter*; both are our
-  choice.
+* *Interference* is |ΔQ(s′, a)|/|ΔQ(s, a)| after a single update of plain Q-learning at (s, a), with
+  an error of one and the α of the start. s is evenly spaced over the seen states and s′ over all
+  states; a is −1, −0.5, 0, 0.5 and 1. α makes no difference where Q is linear in its weights. For
+  the other value functions interference was measured with a decreased α, too.
+* All other settings are the defaults. Brackets are {confidence:g} % bootstrap intervals (BCa) over
+  the seeds, and each interval stands for itself. If Q moved by less than {moves:g} of the seen
+  side's movement, it *stayed where it was*. A difference of fewer than {catches:g} catches *doesn't
+  matter*. Both bounds are our choice.
 
 ## Step sizes
 
-If a remark doesn't say otherwise, each value function has the step size α that was best on the
+Unless a remark says otherwise, each value function has the step size α that was best on the
 ordinary task, by the mean score of five (`+experiment=value_functions`, {sweep_runs:,} seeds
-each{disjoint}). The best α is chosen by the first half of those seeds, its score is that of the
-second half:
+each{disjoint}). The first half of those seeds chooses the best α, and the second half gives its
+score:
 
 {steps}
 {diverged}
@@ -79,9 +79,9 @@ second half:
 ![Movement of Q against the bearing](figures/extrapolation_movement.png)
 
 {movement}
-«Beyond» is what lies outside the field of view, up to 1.5 rad on either side. The sensor clips what
-it reports at ±{view:g} rad, so these states never occur, in learning or in tests. The last two
-columns are how far the greedy action there is from that at the edge of the view, in units of Δv.
+*Beyond* means outside the field of view, up to 1.5 rad on either side. The sensor reports at most
+±{view:g} rad, so these states never occur, neither in learning nor in tests. The last two columns
+are the change of the greedy action from the edge of the view to beyond it, in units of Δv.
 
 {towards}
 ## Catches, and what is forgotten
@@ -89,7 +89,7 @@ columns are how far the greedy action there is from that at the edge of the view
 ![Catches on either side at three moments](figures/extrapolation_catches.png)
 
 {caught}
-The same where α isn't decreased, but stays what it was at the start:
+With a constant α instead:
 
 {constant}
 ## Interference
@@ -99,10 +99,9 @@ The same where α isn't decreased, but stays what it was at the start:
 {spread}
 ## Was nothing seen?
 
-The side on which the ball starts is not the side on which the robot sees it: it turns past the
-ball. So every fourth snapshot played on from the situation that it was taken before, exploring as
-it had learned, once with the head that it learned with, and once as if the head had seen both
-sides:
+The robot may see the ball on the other side than that on which it starts, because it turns past the
+ball. So every fourth snapshot played the situation that came next, exploring as it did while
+learning: once with the head that it learned with, and once with a head that sees both sides.
 
 {seen}
 """
@@ -111,15 +110,15 @@ sides:
 def write_page(
     findings: Sequence[Findings], constant: Sequence[FirstSide], sweep: Experiment
 ) -> str:
-    """The page.
+    """Return the page.
 
     Args:
-        findings: of each value function.
-        constant: of each, where α isn't decreased.
-        sweep: of their step sizes on the ordinary task.
+        findings: the measurements on each value function.
+        constant: the catches on the first side of each value function with a constant α.
+        sweep: the sweep of their step sizes on the ordinary task.
 
     Raises:
-        NoResults: the sweep lacks one.
+        NoResults: the sweep lacks a value function.
     """
     by_kind = {each.kind: each for each in findings}
     first = findings[0].learner.config
@@ -158,10 +157,10 @@ def _nothing_seen(findings: Sequence[Findings]) -> str:
     most = max(float(each.hidden.max()) for each in findings)
     right = [float(each.would_see[:, 0].mean()) for each in findings]
     return (
-        f"A check: of the states visited while learning on the left, {most:.2%} of any run at most "
-        "were on the unseen side. The sign of φ₀ alone wouldn't have hidden it: with a head that "
-        f"sees both sides, {min(right):.0%} to {max(right):.0%} of the states, on average over the "
-        "runs, would have been to the right of straight ahead."
+        f"A check: at most {most:.2%} of the states that a run visited while learning on the left "
+        "were on the unseen side. Starting the ball on the left alone would not hide that side: "
+        f"with a head that sees both sides, {min(right):.0%} to {max(right):.0%} of the states, on "
+        "average over the runs, would have been to the right of straight ahead."
     )
 
 
@@ -172,7 +171,7 @@ def _steps(learners: Iterable[Learner], sweep: Experiment) -> str:
 
 
 def _disjoint(findings: Sequence[Findings], sweep: Experiment) -> str:
-    """Whether the seeds that choose α are others than those that it is then used for."""
+    """Return a remark if no seed that chose α is among those that it is used for."""
     chosen = {int(seed) for job in sweep.jobs for seed in job.evaluations.seed}
     used = {int(seed) for each in findings for seed in each.learner.snapshots.seed}
     return "" if chosen & used else ", others than in what follows"
@@ -185,9 +184,9 @@ def _diverged(
     here = sum(int(diverged.any(axis=1).sum()) for diverged in runs)
     there = sum(job.evaluations.diverged_runs for job in sweep.jobs)
     return (
-        f"Runs that diverged: {here} in what follows, {there} in the sweep. From then on they "
-        "count as catching nothing, and of their Q nothing is measured. Those that do so on the "
-        "first side have nothing to forget."
+        f"Runs that diverged: {here} in what follows, {there} in the sweep. From then on such a "
+        "run catches nothing, and its Q is not measured. If it diverged on the first side, it is "
+        "left out of what is forgotten."
     )
 
 
@@ -219,7 +218,7 @@ def _movement(findings: Sequence[Findings]) -> str:
 
 
 def _outermost(learner: Learner) -> str:
-    """How much of the rules that answer for the unseen side fires at the edge of the seen one."""
+    """Return a sentence on the share of the outermost label at the edge of the seen side."""
     labels = learner.config.value.inputs["bearing"]
     centres, seconds = torch.tensor(labels, dtype=torch.float64).T
     widths = [rule_width(float(second), learner.config.value.width) for second in seconds]
@@ -227,8 +226,8 @@ def _outermost(learner: Learner) -> str:
     share = float(shares[centres.argmin()])
     return (
         f"At the edge of what is seen, {learner.edge_rad:g} rad, the fuzzy network's outermost "
-        f"label, that of {centres.min():g} rad, has {share:.0%} of the firing strength, and "
-        "farther out nearly all of it. What is learned at the edge is learned for what lies beyond."
+        f"label, at {centres.min():g} rad, has {share:.0%} of the firing strength. Farther out it "
+        "has nearly all. So what is learned at the edge also holds for everything beyond it."
     )
 
 

@@ -33,7 +33,7 @@ _MEAN = f"line: mean over the runs; band: its {100 * CONFIDENCE:g} % interval (S
 
 
 def values_figure(by_kind: ByKind) -> Figure:
-    """V(Δθ) of each value function at three moments."""
+    """Draw V(Δθ) of each value function at three moments."""
     figure = new_figure(
         2.6 * len(by_kind) + 1,
         3.6,
@@ -54,27 +54,26 @@ def values_figure(by_kind: ByKind) -> Figure:
 
 
 def movement_figure(by_kind: ByKind) -> Figure:
-    """How far Q moved, by state."""
+    """Draw the movement of each value function's Q against the bearing."""
     figure = new_figure(
-        8,
-        4.4,
-        f"How far Q moved while learning on the left, {_runs(by_kind)} each",
-        f"{_MEAN}\ngrey: seen while learning; dotted: the head's field of view",
+        2.6 * len(by_kind) + 1,
+        3.6,
+        f"Movement of Q while learning on the left, {_runs(by_kind)} each",
+        f"{_MEAN}; grey: seen while learning on the left; dotted: the head's field of view",
     )
-    axes = figure.add_subplot()
-    for findings, (colour, style) in zip(by_kind.values(), LINES, strict=False):
-        _band(axes, _states(), findings.moved, colour, style)
-    _shade_seen(axes, next(iter(by_kind.values())))
-    axes.set_xlabel("bearing Δθ (rad)")
-    axes.set_ylabel("movement (1 = mean where seen)")
-    axes.set_ylim(bottom=0)
-    figure.draw_without_rendering()
-    label_ends(axes, [*by_kind])
+    panels = figure.subplots(1, len(by_kind), sharey=True, squeeze=False)[0]
+    for axes, (kind, findings) in zip(panels, by_kind.items(), strict=True):
+        _band(axes, _states(), findings.moved, COLOURS[0], "-")
+        _shade_seen(axes, findings)
+        axes.set_title(kind, fontsize=10)
+        axes.set_xlabel("bearing Δθ (rad)")
+        axes.set_ylim(bottom=0)
+    panels[0].set_ylabel("movement (1 = mean where seen)")
     return figure
 
 
 def interference_figure(by_kind: ByKind) -> Figure:
-    """How far an update at s moves Q at s′, by their distance, at some moments of learning."""
+    """Draw the interference against the distance of two states, at some moments of learning."""
     figure = new_figure(
         3.4 * len(INTERFERENCE_AFTER) + 1,
         4,
@@ -96,24 +95,28 @@ def interference_figure(by_kind: ByKind) -> Figure:
 
 
 def catches_figure(by_kind: ByKind) -> Figure:
-    """Catches on either side at three moments."""
+    """Draw the catches on either side at three moments."""
     figure = new_figure(
-        9.5,
+        11,
         4,
         f"Greedy catches on either side, {_runs(by_kind)} each",
         f"dot: mean over the runs; bar: its {INTERVAL}",
     )
     panels = figure.subplots(1, 2, sharey=True)
     places = np.arange(len(MOMENTS))
+    offsets = np.linspace(-0.1, 0.1, len(by_kind))  # so that no bar hides another
     for side, (axes, name) in enumerate(zip(panels, ("left", "right"), strict=True)):
-        for findings, (colour, style) in zip(by_kind.values(), LINES, strict=False):
+        for findings, (colour, style), offset in zip(
+            by_kind.values(), LINES, offsets, strict=False
+        ):
             found = [bootstrap_interval(np.mean, x) for x in findings.caught[:, :, side].T]
             mean, low, high = np.transpose(found)
-            axes.plot(places, mean, color=colour, linestyle=style, marker="o", markersize=4)
-            axes.vlines(places, low, high, color=colour)
+            beside = places + offset
+            axes.plot(beside, mean, color=colour, linestyle=style, marker="o", markersize=4)
+            axes.vlines(beside, low, high, color=colour)
         axes.set_title(f"the ball starts on the {name}", fontsize=10)
         axes.set_xticks(places, labels=MOMENTS)
-        axes.set_xlim(-0.2, len(MOMENTS) - 0.8)
+        axes.set_xlim(-0.3, len(MOMENTS) - 0.7)
         axes.set_ylim(0, 1.03 * TESTS)
         quiet_grid(axes)
     panels[0].set_ylabel(f"catches of {TESTS}")
@@ -128,7 +131,7 @@ FIGURES: dict[str, Callable[[ByKind], Figure]] = {
     "extrapolation_catches": catches_figure,
     "extrapolation_interference": interference_figure,
 }
-"""By their file names."""
+"""The functions that draw the page's figures, by the figures' file names."""
 
 
 def _band(

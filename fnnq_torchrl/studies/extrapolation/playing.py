@@ -1,4 +1,4 @@
-"""What the snapshots' policies do in the world: catches on either side, and the states they see."""
+"""The policies of the snapshots in the world: catches on either side, and visited states."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ from .indifferent import IndifferentWhereUnseen
 from .learners import Learner
 
 ANGLES_RAD, SPEEDS_RADPS = (0.3, 0.45, 0.6, 0.75, 0.9), (0.1, -0.1)
-"""The tests of the left side: the ball starts at each angle with each speed."""
+"""The starts of the left side's tests: each angle with each speed of the ball."""
 
 TESTS = len(ANGLES_RAD) * len(SPEEDS_RADPS)
 
@@ -32,10 +32,10 @@ Numbers = NDArray[np.float64]
 
 
 def starts(side: int) -> Tensor:
-    """Starts of the ball (φ₀, ω_b) on the left (1) or, its mirror image, on the right (−1).
+    """Return the starts of the ball (φ₀, ω_b) on the left (1) or, mirrored, on the right (−1).
 
     Returns:
-        In rad and rad/s, ``[tests, 2]``.
+        The starts in rad and rad/s, ``[tests, 2]``.
     """
     of_left = [(angle, speed) for angle in ANGLES_RAD for speed in SPEEDS_RADPS]
     return side * torch.tensor(of_left)
@@ -45,16 +45,18 @@ def starts(side: int) -> Tensor:
 def catches(
     learner: Learner, pages: Sequence[int], side: int, *, indifferent: bool = False
 ) -> Numbers:
-    """How many of a side's tests the greedy policy ends in a catch; the head sees both sides.
+    """Return the number of a side's tests that the greedy policy ends in a catch.
+
+    In the tests the head sees both sides.
 
     Args:
-        learner: whose policy.
-        pages: the evaluations whose weights play.
+        learner: the runs.
+        pages: the indices of the evaluations whose weights play.
         side: 1 for the left, where learning began, −1 for the right.
-        indifferent: whether actions are drawn by lot where nothing was seen on the left.
+        indifferent: whether actions are random where nothing was seen while learning on the left.
 
     Returns:
-        ``[runs, pages]``; of a run that has diverged, 0.
+        The catches, ``[runs, pages]``; 0 for a run that has diverged.
     """
     shape = (len(pages), learner.runs)
     network, prefix = learner.network, ""
@@ -81,18 +83,18 @@ def catches(
 
 @torch.no_grad()
 def shares_beyond(learner: Learner, edges_rad: Sequence[float], whole_view: bool) -> Numbers:
-    """The share of the states visited in learning on the left that are to the right of edges.
+    """Return the shares of the states visited in learning on the left that lie right of edges.
 
     Every fourth snapshot up to the switch plays the situation that came next, from the same start
-    and with the same random numbers and exploration, but without learning on.
+    and with the same random numbers and exploration, but without learning.
 
     Args:
-        learner: whose policy, exploring as it had learned.
-        edges_rad: Δθ below each is counted.
-        whole_view: as if the head had seen both sides; else as it did.
+        learner: the runs, whose policies explore as they did while learning.
+        edges_rad: the edges; a state counts if its Δθ is below the edge.
+        whole_view: whether the head sees both sides, or only what it saw while learning.
 
     Returns:
-        ``[runs, edges]``.
+        The shares, ``[runs, edges]``.
     """
     world = learner.config.env
     if whole_view:
@@ -111,7 +113,7 @@ def shares_beyond(learner: Learner, edges_rad: Sequence[float], whole_view: bool
     )
     amount = torch.full_like(state["bearing"], exploring)
     goes_on = torch.ones_like(state["bearing"], dtype=torch.bool)
-    edges = torch.tensor([*edges_rad, torch.inf])  # beyond the last is every state
+    edges = torch.tensor([*edges_rad, torch.inf])  # every state is below the last edge
     visits = torch.zeros(lanes, len(edges))
     for _ in range(world.time_limit_steps):
         visits += goes_on & (state["bearing"] < edges)

@@ -8,15 +8,17 @@ from fnnq_torchrl.studies.experiments import Experiment, NoResults
 from fnnq_torchrl.studies.reproduction.markdown import interval_words
 from fnnq_torchrl.studies.statistics import Interval, bootstrap_interval, choose_by_half
 
+from .learners import kind_of
+
 
 @dataclass(frozen=True)
 class BestStep:
-    """Of a value function.
+    """The best step size of a value function.
 
     Attributes:
-        alpha: the α of the highest mean score of half of the seeds.
-        score: the mean score with it, in catches, and its interval, of the other half of the seeds.
-        among: all that were tried, rising.
+        alpha: the α with the highest mean score over the first half of the seeds.
+        score: the mean score with that α over the second half, in catches, with its interval.
+        among: all α that were tried, rising.
     """
 
     alpha: float
@@ -25,19 +27,19 @@ class BestStep:
 
     @property
     def inside(self) -> bool:
-        """Whether it is neither the smallest nor the largest that was tried."""
+        """Return whether the best α is neither the smallest nor the largest that was tried."""
         return self.among[0] < self.alpha < self.among[-1]
 
 
 def best_steps(sweep: Experiment) -> dict[str, BestStep]:
-    """The best step size of every value function in a sweep over both, by its kind.
+    """Return the best step size of each kind of value function in a sweep over both.
 
     Raises:
         ValueError: there are too few seeds to choose by half of them (`choose_by_half`).
     """
     found = {}
-    for kind in sweep.values("value.kind"):
-        jobs = [job for job in sweep.jobs if job.settings["value.kind"] == kind]
+    for kind in dict.fromkeys(kind_of(job.config) for job in sweep.jobs):
+        jobs = [job for job in sweep.jobs if kind_of(job.config) == kind]
         alphas = [job.settings["alpha"] for job in jobs]
         best = choose_by_half([job.evaluations.mean_score[: sweep.runs] for job in jobs])
         score = bootstrap_interval(np.mean, best.judged)
@@ -46,10 +48,10 @@ def best_steps(sweep: Experiment) -> dict[str, BestStep]:
 
 
 def step_words(found: dict[str, BestStep], kind: str, alpha: float) -> list[str]:
-    """A row on a value function's step size: the one taken, the best, its score, and a remark.
+    """Return a table row on a step size: the α used, the best α, its score, and a remark.
 
     Raises:
-        NoResults: the sweep hasn't this value function.
+        NoResults: the sweep lacks this value function.
     """
     if kind not in found:
         raise NoResults(f"the sweep value_functions has no {kind}")

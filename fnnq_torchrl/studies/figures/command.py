@@ -1,4 +1,4 @@
-"""Draws the figures of all experiments: ``python -m fnnq_torchrl.figures``."""
+"""Draw the figures of experiments: ``python -m fnnq_torchrl.figures``."""
 
 import sys
 from pathlib import Path
@@ -11,11 +11,18 @@ from .gallery import FIGURES, draw
 
 
 def main() -> None:
-    """Read ``sys.argv``; a mistake is one line on stderr and status 2."""
+    """Run the command. A mistake in its arguments is one line on stderr and exit status 2."""
     parser = OneLineParser("python -m fnnq_torchrl.figures", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="figure", help=f"of {', '.join(FIGURES)}")
+    parser.add_argument(
+        "names",
+        nargs="*",
+        metavar="figure",
+        help=f"any of {', '.join(FIGURES)}; all if none is named",
+    )
     parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
-    parser.add_argument("--to", type=Path, default=Path("outputs/figures"), help="default: there")
+    parser.add_argument(
+        "--to", type=Path, default=Path("outputs/figures"), help="default: outputs/figures"
+    )
     arguments = parser.parse_args()
     if unknown := [name for name in arguments.names if name not in FIGURES]:
         parser.error(f"there is no figure {unknown[0]}; there is {', '.join(FIGURES)}")

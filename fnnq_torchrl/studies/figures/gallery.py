@@ -1,4 +1,4 @@
-"""The figures that there are, and the files that they become."""
+"""All figures of experiments by name, and the function that writes their files."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -47,18 +47,18 @@ FIGURES: dict[str, tuple[str, Draw]] = {
         lambda results: dots_figure(results, "mean_score", "lam", change_words),
     ),
 }
-"""By their file names: the experiment that a figure shows, and what draws it."""
+"""Each figure by its file name: the experiment that it shows, and the function that draws it."""
 
 
 def draw(experiments: Mapping[str, Experiment], pictures: Path) -> list[Path]:
     """Draw figures as PNG and SVG.
 
     Args:
-        experiments: the results to take for each figure, by the figures' names.
-        pictures: the folder to write to, made if need be.
+        experiments: the experiment to draw for each figure, by the figures' names.
+        pictures: the directory to write to, which is made if it doesn't exist.
 
     Returns:
-        The files.
+        The files written.
 
     Raises:
         NoResults: an experiment lacks a job.

@@ -1,4 +1,4 @@
-"""What figures and pages call a job of an experiment."""
+"""The names that figures and pages give to an experiment's jobs."""
 
 from fnnq_torchrl.equations.names import EXPLORATIONS
 from fnnq_torchrl.studies.experiments import Experiment, Job
@@ -6,10 +6,10 @@ from fnnq_torchrl.training.pictures.words import setting_words
 
 
 def job_words(experiment: Experiment, job: Job, without: str | None = None) -> str:
-    """What sets a job apart from the others of its experiment.
+    """Return the settings that tell a job from the others of its experiment, in words.
 
     Args:
-        experiment: the job's.
+        experiment: the experiment.
         job: one of its jobs.
         without: a key to leave out, because colours or an axis show it.
     """
@@ -24,7 +24,7 @@ def job_words(experiment: Experiment, job: Job, without: str | None = None) -> s
 
 
 def change_words(experiment: Experiment, job: Job, without: str | None = None) -> str:
-    """How a job differs from the first of its experiment; «default» where it doesn't."""
+    """Return a job's differences from its experiment's first job; "default" if there are none."""
     first = experiment.jobs[0].settings
     changes = [
         setting_words(key, job.settings[key])

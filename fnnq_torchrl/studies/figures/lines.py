@@ -6,6 +6,7 @@ from itertools import cycle, product
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.studies.measures import MEASURES
@@ -20,6 +21,8 @@ from fnnq_torchrl.training.pictures.style import (
 from fnnq_torchrl.training.pictures.words import key_words, setting_words, value_words
 from fnnq_torchrl.training.results import CONFIDENCE
 
+from .outliers import CUT_OFF, Limits, limits, mark_below
+
 _PANEL_IN, _HEIGHT_IN, _TICK_IN = 4.6, 4.2, 0.55
 INTERVAL = f"{100 * CONFIDENCE:g} % bootstrap interval"
 
@@ -32,9 +35,9 @@ def lines_figure(
     Args:
         experiment: has a job for each combination of the keys.
         x: the key along the axis.
-        lines: the key of which each value has a line.
-        measures: of :data:`fnnq_torchrl.studies.measures.MEASURES`.
-        panels: a key of which each value has panels of its own.
+        lines: the key that has a line for each of its values.
+        measures: names in :data:`fnnq_torchrl.studies.measures.MEASURES`.
+        panels: a key that has panels of its own for each of its values.
 
     Raises:
         NoResults: a combination is missing.
@@ -44,17 +47,24 @@ def lines_figure(
     parts = [experiment]
     if panels:
         parts = [experiment.where(panels, value) for value in experiment.values(panels)]
+    drawn = [(part, name, means(part, x, lines, name)) for part, name in product(parts, measures)]
+    one_scale = len(measures) == 1
+    ranges = [limits(*found) for *_, found in drawn]
+    if one_scale:
+        ranges = [limits(*np.concatenate([found for *_, found in drawn], axis=1))] * len(drawn)
+    cut_off = any(
+        (found[0] < shown.low).any() for (*_, found), shown in zip(drawn, ranges, strict=True)
+    )
     panel_in = max(_PANEL_IN, _TICK_IN * len(experiment.values(x)))
     figure = new_figure(
-        1 + panel_in * len(measures) * len(parts),
+        1 + panel_in * len(drawn),
         _HEIGHT_IN,
         f"{names.capitalize()} against {key_words(x)}, {over} each",
-        f"line: mean over {over}; band: its {INTERVAL}",
+        f"line: mean over {over}; band: its {INTERVAL}" + (f"; {CUT_OFF}" if cut_off else ""),
     )
-    one_scale = len(measures) == 1
-    row = figure.subplots(1, len(measures) * len(parts), sharey=one_scale, squeeze=False)[0]
-    for axes, (part, name) in zip(row, product(parts, measures), strict=True):
-        draw_lines(axes, part, x, lines, name)
+    row = figure.subplots(1, len(drawn), sharey=one_scale, squeeze=False)[0]
+    for axes, (part, name, found), shown in zip(row, drawn, ranges, strict=True):
+        draw_lines(axes, part, x, name, found, shown)
         if panels:
             axes.set_title(setting_words(panels, part.values(panels)[0]), fontsize=10)
     figure.draw_without_rendering()
@@ -63,25 +73,66 @@ def lines_figure(
     return figure
 
 
-def draw_lines(axes: Axes, experiment: Experiment, x: str, lines: str, measure: str) -> None:
-    """One panel of :func:`lines_figure`, still without the words beside its lines."""
+def means(experiment: Experiment, x: str, lines: str, measure: str) -> NDArray[np.float64]:
+    """A measure's means over the runs and the bounds of their intervals.
+
+    Returns:
+        Mean, low and high, ``[3, lines, values of x]``, with x rising.
+
+    Raises:
+        NoResults: a combination of the two keys is missing.
+    """
+    jobs = [
+        [experiment.job_with({x: value, lines: line}) for value in sorted(experiment.values(x))]
+        for line in experiment.values(lines)
+    ]
+    of = MEASURES[measure].of
+    intervals = [
+        [bootstrap_interval(np.mean, of(job.evaluations)) for job in along] for along in jobs
+    ]
+    return np.moveaxis(np.array(intervals), -1, 0)
+
+
+def draw_lines(
+    axes: Axes,
+    experiment: Experiment,
+    x: str,
+    measure: str,
+    found: NDArray[np.float64],
+    shown: Limits,
+) -> None:
+    """Draw one panel of :func:`lines_figure`, without the words beside its lines.
+
+    Args:
+        axes: the panel.
+        experiment: the panel's jobs.
+        x: the key along the axis.
+        measure: the name of the measure.
+        found: what :func:`means` returns.
+        shown: the limits of the vertical axis; a value below them becomes a mark at the edge.
+    """
     values = sorted(experiment.values(x))
     steps = np.diff(values)
-    # Unevenly spaced values would crowd somewhere: they have even places, and their ticks say so.
+    # Unevenly spaced values would crowd, so they are drawn at even distances; the ticks name them.
     even = np.allclose(steps, steps[0]) if len(values) > 1 else True
     places = np.array(values) if even else np.arange(len(values))
-    top = 0.0
-    for line, (colour, style) in zip(experiment.values(lines), cycle(LINES), strict=False):
-        jobs = [experiment.job_with({x: value, lines: line}) for value in values]
-        scores = [MEASURES[measure].of(job.evaluations) for job in jobs]
-        mean, low, high = np.transpose([bootstrap_interval(np.mean, s) for s in scores])
-        top = max(top, np.nanmax([mean, high]))
-        axes.plot(places, mean, color=colour, linestyle=style, linewidth=1.4, marker="o", ms=3.5)
-        axes.fill_between(places, low, high, color=colour, alpha=0.3, linewidth=0)
+    for (mean, low, high), (colour, style) in zip(
+        np.moveaxis(found, 1, 0), cycle(LINES), strict=False
+    ):
+        inside = mean >= shown.low
+        # The line ends at its last point inside the axis, because its label stands at its end.
+        upto = np.flatnonzero(inside)[-1] + 1
+        line = np.where(inside, mean, np.nan)[:upto]
+        axes.plot(places[:upto], line, style, color=colour, linewidth=1.4, marker="o", ms=3.5)
+        axes.fill_between(
+            places, low, high, where=inside.tolist(), color=colour, alpha=0.3, linewidth=0
+        )
+        for place, value in zip(places[~inside], mean[~inside], strict=True):
+            mark_below(axes, place, value, colour)
     margin = 0.03 * (places[-1] - places[0]) or 1
     axes.set_xlim(places[0] - margin, places[-1] + margin)
     axes.set_xticks(places, labels=[value_words(value) for value in values])
     axes.set_xlabel(key_words(x))
     axes.set_ylabel(MEASURES[measure].words)
-    axes.set_ylim(0, max(1.05 * top or 1, axes.get_ylim()[1]))  # another panel may share it
+    axes.set_ylim(*shown)
     quiet_grid(axes)

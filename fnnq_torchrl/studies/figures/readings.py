@@ -1,8 +1,9 @@
-"""What the two readings of step h do: ‖f‖², the effective step size, and the score."""
+"""The two readings of step h side by side: ‖f‖², the effective step size, and the score."""
 
 import numpy as np
 import torch
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from fnnq_torchrl.studies.effective_step import effective_step, squared_gradient
@@ -17,7 +18,8 @@ from fnnq_torchrl.training.pictures.style import (
 )
 from fnnq_torchrl.training.pictures.words import setting_words
 
-from .lines import INTERVAL, draw_lines
+from .lines import INTERVAL, draw_lines, means
+from .outliers import CUT_OFF, limits
 
 _GRID = 201
 
@@ -29,23 +31,28 @@ def readings_figure(experiment: Experiment, measure: str = "mean_score") -> Figu
         NoResults: a combination is missing.
     """
     traces = experiment.values("trace")
+    words = [setting_words("trace", trace) for trace in traces]
     over = count_words([experiment.runs])
-    figure = new_figure(
-        15,
-        4.4,
-        f"{' and '.join(setting_words('trace', trace) for trace in traces)}: "
-        "‖f‖², the effective step size, and the score",
-        "middle: median over the states and actions on the left, band: 5 to 95 % of them; "
-        f"right: mean over {over}, band: its {INTERVAL}",
-    )
-    left, middle, right = figure.subplots(1, 3)
+    found = means(experiment, "lam", "trace", measure)
+    shown = limits(*found)
+    cut_off = f"; {CUT_OFF}" if (found[0] < shown.low).any() else ""
     norm = norms(experiment)
-    _draw_norm(figure, left, experiment, norm)
-    _draw_steps(middle, experiment, norm)
-    draw_lines(right, experiment, "lam", "trace", measure)
+    low, median = np.quantile(norm, [0.05, 0.5])
+    figure = new_figure(
+        11,
+        7.6,
+        f"{' and '.join(words)}: ‖f‖², the effective step size, and the score",
+        f"above: at the median of ‖f‖², {median:.2f} (solid), and at its 5 % quantile, {low:.2f} "
+        f"(dashed)\nbelow: mean over {over}, band: its {INTERVAL}{cut_off}",
+    )
+    grid = figure.add_gridspec(2, 2)
+    steps, scores = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[1, 1])
+    _draw_norm(figure, figure.add_subplot(grid[:, 0]), experiment, norm)
+    _draw_steps(steps, experiment, low, median)
+    draw_lines(scores, experiment, "lam", measure, found, shown)
     figure.draw_without_rendering()
-    for axes in (middle, right):
-        label_ends(axes, [setting_words("trace", trace) for trace in traces])
+    label_ends(steps, words)
+    label_ends(scores, words)
     return figure
 
 
@@ -74,22 +81,25 @@ def _draw_norm(figure: Figure, axes: Axes, experiment: Experiment, norm: np.ndar
     )
     axes.set_xlabel("bearing Δθ (rad)")
     axes.set_ylabel("action Δv")
-    figure.colorbar(image, ax=axes, label="‖f‖² (1 in a table)")
+    figure.colorbar(image, ax=axes, location="bottom", label="‖f‖² (1 in a table)")
 
 
-def _draw_steps(axes: Axes, experiment: Experiment, norm: np.ndarray) -> None:
+def _draw_steps(axes: Axes, experiment: Experiment, low: float, median: float) -> None:
     settings = experiment.jobs[0].settings
     lams = sorted(experiment.values("lam"))
     lam = torch.linspace(lams[0], lams[-1], _GRID, dtype=torch.float64)
     decay = (settings["gamma"] * lam).clamp(max=1 - 1e-9)
-    low, median, high = np.quantile(norm, [0.05, 0.5, 0.95])
-    for trace, (colour, style) in zip(experiment.values("trace"), LINES, strict=False):
-        lowest, middle, highest = (
-            effective_step(torch.tensor(x), settings["alpha"], decay, trace).numpy()
-            for x in (low, median, high)
+    dashed = []
+    for trace, (colour, _) in zip(experiment.values("trace"), LINES, strict=False):
+        at_median, at_low = (
+            effective_step(torch.tensor(norm), settings["alpha"], decay, trace).numpy()
+            for norm in (median, low)
         )
-        axes.plot(lam, middle, color=colour, linestyle=style, linewidth=1.4)
-        axes.fill_between(lam, lowest, highest, color=colour, alpha=0.3, linewidth=0)
+        axes.plot(lam, at_median, color=colour, linewidth=1.4)
+        dashed.append(np.stack([lam.numpy(), at_low], axis=1))
+    # Not among the axes' lines, each of which has a label.
+    colours = [colour for colour, _ in LINES[: len(dashed)]]
+    axes.add_collection(LineCollection(dashed, colors=colours, linestyles="--", linewidths=1.4))
     for height, words in ((1, "overshoots"), (2, "ends farther off")):
         axes.hlines(height, lams[0], lams[-1], color=GREY, linewidth=0.8, linestyle=":", zorder=1.5)
         axes.annotate(

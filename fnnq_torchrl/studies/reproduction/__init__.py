@@ -1,1 +1,1 @@
-"""Which of the paper's claims hold: from result files to ``docs/reproduction.md``."""
+"""The page on the paper's claims, ``docs/reproduction.md``, made from result files."""

@@ -1,4 +1,4 @@
-"""What the paper claims of its experiment, as comparisons that can be made."""
+"""The paper's claims about its experiment, as comparisons of configurations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,11 +6,11 @@ from enum import Enum
 from typing import Any
 
 Settings = Mapping[str, Any]
-"""Keys with their values: how a configuration differs from the default one."""
+"""The settings in which a configuration differs from the default one, by their keys."""
 
 
 class Expected(Enum):
-    """What a difference is claimed to be."""
+    """The claimed result of a comparison."""
 
     MORE = "more"
     LESS = "less"
@@ -20,9 +20,9 @@ class Expected(Enum):
 
 @dataclass(frozen=True)
 class Comparison:
-    """A measure of one configuration less that of another, over the same seeds."""
+    """A measure of one configuration minus that of another, over the same seeds."""
 
-    measure: str  # of fnnq_torchrl.studies.measures.MEASURES
+    measure: str  # a name in fnnq_torchrl.studies.measures.MEASURES
     ours: Settings
     theirs: Settings
     expected: Expected
@@ -30,11 +30,11 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim holds if all its comparisons come out as expected, in part if some do."""
+    """A claim of the paper, which holds if all its comparisons come out as expected."""
 
-    words: str  # the paper's own
-    place: str
-    reading: str  # what we take it to mean
+    words: str  # quoted from the paper
+    place: str  # the paper's section
+    reading: str  # the claim as we understand it
     comparisons: tuple[Comparison, ...]
 
 
@@ -60,13 +60,13 @@ CLAIMS = (
     Claim(
         "λ = 0.2 seems to be a little better",
         "section 3",
-        "It has a higher mean score than λ = 0.1 and λ = 0.",
+        "λ = 0.2 has a higher mean score than λ = 0.1 and than λ = 0.",
         (_lam("mean_score", 0.2, 0.1, Expected.MORE), _lam("mean_score", 0.2, 0, Expected.MORE)),
     ),
     Claim(
         "when λ is not small, the results degrades significantly",
         "section 3",
-        "λ = 0.4 and λ = 0.8 have a lower mean score than λ = 0.1 (it doesn't say which it means).",
+        "λ = 0.4 and λ = 0.8 have a lower mean score than λ = 0.1. (The paper names no λ.)",
         (_lam("mean_score", 0.4, 0.1, Expected.LESS), _lam("mean_score", 0.8, 0.1, Expected.LESS)),
     ),
     Claim(
@@ -78,13 +78,13 @@ CLAIMS = (
     Claim(
         "This improves learning speed considerably",
         "conclusion",
-        "λ = 0.2 has a higher score than λ = 0 soon after learning began (how much, d says).",
+        "Soon after learning began, λ = 0.2 has a higher score than λ = 0 (d says by how much).",
         (_lam("early_score", 0.2, 0, Expected.MORE),),
     ),
     Claim(
         "the way we decrease α is too important",
         "conclusion",
-        "The fastest decay tried, 0.9, and none end up with different scores.",
+        "The fastest decay that we tried, 0.9, and no decay end up with different scores.",
         (Comparison("final_score", {"alpha_decay": 1}, {"alpha_decay": 0.9}, Expected.OTHER),),
     ),
     Claim(
@@ -96,13 +96,13 @@ CLAIMS = (
     Claim(
         "while not doing so, learning is too slow",
         "conclusion",
-        "Without a decay the score soon after learning began is lower than with 0.99.",
+        "Soon after learning began, the score without decay is lower than with a decay of 0.99.",
         (_decay("early_score", 1, Expected.LESS),),
     ),
     Claim(
         "and the agent learns something and forgets it again repeatedly",
-        "conclusion, of the same",
-        "Without a decay more is forgotten than with 0.99.",
+        "conclusion, on learning without decay",
+        "Without decay, more is forgotten than with a decay of 0.99.",
         (_decay("forgetting", 1, Expected.MORE),),
     ),
 )

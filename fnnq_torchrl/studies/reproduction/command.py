@@ -1,4 +1,4 @@
-"""Writes which of the paper's claims hold: ``python -m fnnq_torchrl.reproduction``."""
+"""Write the page on the paper's claims: ``python -m fnnq_torchrl.reproduction``."""
 
 import sys
 from pathlib import Path
@@ -16,9 +16,13 @@ from .page import EXPERIMENTS, FIGURES, IN_SHORT, verdicts_in_short, write_page
 
 
 def main() -> None:
-    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    """Run the command. An error is one line on stderr and exit status 1."""
     parser = page_parser("python -m fnnq_torchrl.reproduction", __doc__)
-    parser.add_argument("--short", action="store_true", help=f"only a table, from {IN_SHORT}")
+    parser.add_argument(
+        "--short",
+        action="store_true",
+        help=f"only print a table, made from the experiments {', '.join(IN_SHORT)}",
+    )
     arguments = parser.parse_args()
     try:
         if arguments.short:

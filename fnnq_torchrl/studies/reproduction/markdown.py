@@ -8,11 +8,11 @@ from fnnq_torchrl.studies.statistics import Interval
 
 
 def interval_words(interval: Interval, signed: bool = False) -> str:
-    """«4.57 [4.42, 4.71]», or the value alone where its interval isn't known.
+    """Return "4.57 [4.42, 4.71]", or the value alone where its interval is unknown.
 
     Args:
-        interval: of scores or their differences.
-        signed: with a sign even where it is positive, as a difference has.
+        interval: the interval of a score or of a difference.
+        signed: whether positive numbers have a sign too, as those of a difference.
     """
     value, low, high = interval
     digits = 2 if not np.isfinite(low) or high - low > 0.05 else 3
@@ -22,6 +22,6 @@ def interval_words(interval: Interval, signed: bool = False) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table, each row as long as its head."""
+    """Return a table. Each row has as many cells as the head."""
     lines = [head, ["---"] * len(head), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -8,17 +8,16 @@ from fnnq_torchrl.training.pictures.words import setting_words
 
 from .claims import Settings
 
-# They change how many runs there are and how they are computed, not what a run is.
+# These keys change the number of runs and how they are computed, not the runs themselves.
 _NO_DIFFERENCE = ("num_seeds", "seed", *HOW_IT_RUNS)
 
 
 class Pool:
-    """Jobs, the largest where several have the same settings.
+    """The jobs of several experiments. Of jobs with the same settings the one with most runs stays.
 
     Args:
-        default: a job all of whose settings, but those that its experiment varies, are the
-            defaults.
-        experiments: whose jobs to take.
+        default: the settings of the default configuration.
+        experiments: the experiments whose jobs are taken.
     """
 
     def __init__(self, default: Settings, experiments: Iterable[Experiment]) -> None:
@@ -32,7 +31,7 @@ class Pool:
                     self._jobs[key] = job
 
     def job(self, changes: Settings) -> Job:
-        """The job that differs from the default in just these settings.
+        """Return the job that differs from the default in these settings and no others.
 
         Raises:
             NoResults: there is none.
@@ -43,7 +42,7 @@ class Pool:
         return found
 
     def changes(self) -> list[dict[str, Any]]:
-        """How each job differs from the default."""
+        """Return the settings in which each job differs from the default."""
         return [
             {
                 key: value
@@ -55,36 +54,36 @@ class Pool:
 
 
 def words(changes: Settings) -> str:
-    """Settings in words."""
+    """Return settings in words, separated by commas."""
     return ", ".join(setting_words(key, value) for key, value in changes.items())
 
 
 def default_settings(experiment: Experiment, changes: Settings) -> dict[str, Any]:
-    """The default configuration, from an experiment that varies nothing but some keys.
+    """Return the settings of the default configuration.
 
     Args:
-        experiment: any of its jobs will do.
-        changes: what those keys are by default.
+        experiment: an experiment that varies some keys, and has the defaults for all others.
+        changes: the default values of the keys that it varies.
     """
     return {**experiment.jobs[0].settings, **changes}
 
 
 def same_seeds(jobs: Sequence[Job]) -> int:
-    """How many first runs the jobs have in common.
+    """Return the number of runs of the smallest job, after checking that the seeds are the same.
 
     Raises:
-        NoResults: their seeds differ, so that they are no pairs.
+        NoResults: the seeds differ, so the jobs can't be compared run by run.
     """
     runs = min(job.evaluations.runs for job in jobs)
     first = jobs[0].evaluations.seed[:runs]
     for job in jobs:
         if not (job.evaluations.seed[:runs] == first).all():
-            raise NoResults("results that are to be compared have different seeds")
+            raise NoResults("the results to be compared have different seeds")
     return runs
 
 
 def _key(settings: Settings) -> str:
-    """What a run is, as a text; 0 and 0.0 are the same."""
+    """Return a text that is the same for jobs with the same settings; 0 and 0.0 are the same."""
     kept = {key: value for key, value in settings.items() if key not in _NO_DIFFERENCE}
     return repr(sorted((key, _plain(value)) for key, value in kept.items()))
 

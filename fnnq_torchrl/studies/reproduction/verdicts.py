@@ -1,4 +1,4 @@
-"""Whether a claim holds, over so many runs and in how many samples of that size."""
+"""Verdicts on claims, over a number of runs, and over many samples of that number of runs."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -21,11 +21,11 @@ from .claims import Claim, Comparison, Expected, Settings
 from .pool import Pool, same_seeds
 
 MATTERS = 0.1
-"""A difference of fewer catches than this, of five, is as good as none. Ours, not the paper's."""
+"""The smallest difference, in catches of five, that matters. It is our choice, not the paper's."""
 
 
 class Verdict(Enum):
-    """What the runs say to a claim."""
+    """The verdict of the runs on a claim."""
 
     HOLDS = "holds"
     BARELY = f"holds, perhaps by less than {MATTERS} catches"
@@ -36,7 +36,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Compared:
-    """A comparison over some runs."""
+    """The results of a comparison over some runs."""
 
     runs: int
     ours: Interval
@@ -48,14 +48,16 @@ class Compared:
 
 
 def verdict(low: float, high: float, expected: Expected) -> Verdict:
-    """What the confidence interval of a difference says to what is expected of it.
+    """Return the verdict on an expected difference, from the confidence interval of the difference.
 
-    * more: it holds if the whole interval lies above 0, barely if it has differences that don't
-      matter, and does not if it has none that does; less is its mirror image.
-    * the same: it holds if the interval has no difference that matters, and does not if it has
-      nothing else; another is its opposite.
+    A difference matters if it is `MATTERS` or more.
 
-    An unknown interval, NaN, says nothing.
+    * More: holds if the whole interval lies above 0, and barely if a part of it doesn't matter.
+      Fails if no part of the interval is above 0 and matters. Less is the mirror image.
+    * The same: holds if no part of the interval matters, fails if all of it matters. Another is the
+      opposite.
+
+    In all other cases, and if the interval is unknown (NaN), the verdict is open.
     """
     if expected is Expected.LESS:
         return verdict(-high, -low, Expected.MORE)
@@ -74,10 +76,10 @@ def compare(pool: Pool, comparison: Comparison, also: Settings, runs: int | None
     """Compare two configurations over their first runs.
 
     Args:
-        pool: where the jobs are.
-        comparison: what to compare.
-        also: settings that both sides have besides their own.
-        runs: how many; all that both have, if not given.
+        pool: the jobs.
+        comparison: the comparison to make.
+        also: settings that both sides have in addition to their own.
+        runs: the number of runs; all runs that both sides have if None.
 
     Raises:
         NoResults: a job is missing, or has fewer runs.
@@ -97,7 +99,10 @@ def compare(pool: Pool, comparison: Comparison, also: Settings, runs: int | None
 
 
 def together(found: list[Verdict]) -> Verdict:
-    """The verdict on a claim of several comparisons: it holds if all do, in part if some do."""
+    """Return the verdict on a claim from the verdicts on its comparisons.
+
+    It holds if all of them hold, and in part if some hold and some fail. Otherwise it is the worst.
+    """
     if Verdict.FAILS in found and {Verdict.HOLDS, Verdict.BARELY} & {*found}:
         return Verdict.PART
     for worst in (Verdict.FAILS, Verdict.OPEN, Verdict.BARELY):
@@ -107,7 +112,7 @@ def together(found: list[Verdict]) -> Verdict:
 
 
 def quick_verdict(pool: Pool, claim: Claim, also: Settings) -> tuple[Verdict, int]:
-    """The verdict over all runs by Student's t intervals, and how many runs those are.
+    """Return the verdict over all runs by Student's t intervals, and the number of those runs.
 
     Raises:
         NoResults: a job is missing.
@@ -122,19 +127,24 @@ def quick_verdict(pool: Pool, claim: Claim, also: Settings) -> tuple[Verdict, in
 
 
 def verdict_shares(pool: Pool, claim: Claim, runs: int) -> tuple[int, dict[Verdict, float]]:
-    """In how many samples of so many runs each verdict would have been reached.
+    """Return the share of samples of a given number of runs that lead to each verdict.
 
-    The runs are cut into as many samples as they give; the intervals are Student's t.
+    All runs are cut into samples of that size. The intervals are Student's t.
+
+    Args:
+        pool: the jobs.
+        claim: the claim to judge.
+        runs: the number of runs in a sample.
 
     Returns:
-        The number of samples, and the shares.
+        The number of samples, and each verdict's share of them.
 
     Raises:
         NoResults: a job is missing, or has fewer runs.
     """
     by_comparison = []
     for comparison in claim.comparisons:
-        _scores(pool, comparison, {}, runs)  # are there so many?
+        _scores(pool, comparison, {}, runs)  # raises if there are fewer runs
         ours, theirs = _scores(pool, comparison, {}, None)
         samples = (ours - theirs)[: ours.size // runs * runs].reshape(-1, runs)
         _, low, high = mean_interval(samples, axis=1)

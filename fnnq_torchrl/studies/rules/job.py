@@ -48,7 +48,9 @@ class Job:
             partition(self.config.value, self.config.env),
             "value",
             weights.to(torch.float64),
-            candidates=tuple(self.candidates.to(torch.float64).tolist()),
+            self.config.value.t_norm,
+            self.config.value.elsewhere,
+            tuple(self.candidates.to(torch.float64).tolist()),
         )
 
 
@@ -90,6 +92,9 @@ def read_job(directory: Path, *, own: bool = False) -> Job:
     config = to_config(checkpoint.config, own=own)
     if config.value.kind != "fnnq":
         raise RulesError(f"{directory}: value={config.value.kind} has no rules; value=fnnq has")
+    if config.value.learn_memberships:
+        advice = "fnnq_torchrl.load_rules reads one run's"
+        raise RulesError(f"{directory}: each of its runs has labels of its own; {advice}")
     return Job(directory, config, checkpoint.seed, checkpoint.weights["weight"])
 
 

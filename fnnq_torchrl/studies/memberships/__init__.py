@@ -1,0 +1,1 @@
+"""The page on where labels come from, ``docs/memberships.md``, made from result files."""
