@@ -39,7 +39,7 @@ def test_holds_the_packages_and_the_configuration(wheel: Path) -> None:
             ("envs", "*.py"),
             ("fnnq_torchrl", "*.py"),
             ("hydra_plugins", "*.py"),
-            ("conf", "*.yaml"),
+            ("conf", "*.*"),
         )
         for path in (ROOT / folder).rglob(pattern)
     }

@@ -10,14 +10,16 @@ from envs.core.parameters import OutOfRange, Parameters, flag, matching, number,
 ANY = "*"
 """Stands for every label in the name of a rule."""
 
+_PATH = r".{0,4000}\S"
+
 
 @dataclass
 class RulesConfig(Parameters):
     """The rules that learning starts from; values and meaning: conf/rules/none.yaml."""
 
-    prior: Any = or_null(matching(r".+", "the path of a file of rules, or of a job's directory"))
+    prior: Any = or_null(matching(_PATH, "the path of a file of rules, or of a job's directory"))
     frozen: list[str] = texts(most=1_000)
-    demonstrations: Any = or_null(matching(r".+", "the path of a CSV file"))
+    demonstrations: Any = or_null(matching(_PATH, "the path of a CSV file"))
     margin: float = number(above=0)
     count_firing: bool = flag()
 

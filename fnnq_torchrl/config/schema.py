@@ -174,6 +174,8 @@ class Config(Parameters):
         value = self.value
         if self.rules is None or not self.rules.frozen or not isinstance(value, LabelsConfig):
             return []
+        if value.inputs is None or value.action is None:  # told again when they are found
+            return []
         labels = {**value.inputs, self.env.action_name: value.action}
         return self.rules.frozen_rules(
             [value.names_of(name, len(pairs)) for name, pairs in labels.items()]

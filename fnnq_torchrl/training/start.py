@@ -59,17 +59,17 @@ def read_start(config: Config) -> Start | None:
     rules = config.rules
     if rules is None or (rules.prior is None and rules.demonstrations is None and not rules.frozen):
         return None
-    variables = partition(config.value, config.env)
+    variables, t_norm = partition(config.value, config.env), config.value.t_norm
     contents = []
     consequents = torch.zeros([len(each.labels) for each in variables], dtype=torch.float64)
     if rules.prior is not None:
         path = _find("rules.prior", rules.prior)
         if path.is_dir():
             contents.append(_bytes_of_job(path))
-            consequents = from_system(load_rules(path), variables, rules.margin, str(path))
+            consequents = from_system(load_rules(path), variables, rules.margin, str(path), t_norm)
         else:
             contents.append(path.read_bytes())
-            consequents = read_prior(path, variables, rules.margin)
+            consequents = read_prior(path, variables, rules.margin, t_norm)
     learns = _learns(config, consequents)
     told = ""
     if rules.demonstrations is not None:

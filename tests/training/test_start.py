@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from fnnq_torchrl import load_rules, rules
+from fnnq_torchrl import RuleBase, load_rules, rules
+from fnnq_torchrl.agent.rules import partition
 from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.composition import load_config
@@ -183,3 +184,28 @@ def test_a_sweep_over_priors_tells_mistakes_first(
         for job in range(3)
     ]
     assert before[0] != before[1] == before[2]
+
+
+def test_a_network_of_triangles_and_minima_takes_its_like(tmp_path: Path) -> None:
+    triangles = "value.inputs.bearing=[{triangle: [-2, -1, 0.5]}, {triangle: [-0.5, 1, 2]}]"
+    job = config(triangles, "value.t_norm=minimum", "action.candidates=5")
+    consequents = torch.arange(8, dtype=torch.float64).view(2, 4) / 8
+    system = RuleBase(partition(job.value, job.env), "value", consequents, "minimum")
+    path = tmp_path / "other.fll"
+    system.export(path)
+    told = config(triangles, "value.t_norm=minimum", f"rules.prior={path}")
+    start = read_start(told)
+    assert start is not None
+    assert torch.equal(start.consequents, consequents)
+    with pytest.raises(ConfigError, match=r"value\.t_norm=minimum changes that"):
+        read_start(config(triangles, f"rules.prior={path}"))
+    record = tmp_path / "record.csv"
+    bearings = torch.linspace(-0.9, 0.9, 19, dtype=torch.float64)
+    actions = system.greedy(bearings.unsqueeze(-1)).tolist()
+    rows = zip(bearings.tolist(), actions, strict=True)
+    record.write_text("bearing,steer\n" + "".join(f"{x},{a}\n" for x, a in rows))
+    followed = read_start(
+        config(triangles, "value.t_norm=minimum", f"rules.demonstrations={record}")
+    )
+    assert followed is not None
+    assert "in 100% of 19 steps" in followed.told

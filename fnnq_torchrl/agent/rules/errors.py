@@ -35,7 +35,7 @@ def shown(text: object) -> str:
 
 def choices(given: str, known: Iterable[str]) -> str:
     """What could have stood there: the nearest spelling, or else all of it."""
-    names = [*known]
+    names = [name if name.isprintable() else shown(name) for name in known]
     if near := difflib.get_close_matches(given[:64], names, n=1):
         return f"did you mean {near[0]}?"
     return f"expected {' or '.join(names[:12])}{' …' if len(names) > 12 else ''}"

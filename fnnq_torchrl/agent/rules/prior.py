@@ -65,7 +65,10 @@ def from_system(
     """
     *states, action = variables
     if system.t_norm != t_norm:
-        raise RulesError(f"{name}: its t-norm is {system.t_norm}, the network's is {t_norm}")
+        raise RulesError(
+            f"{name}: its t-norm is {system.t_norm}, the network's is {t_norm}; "
+            f"value.t_norm={system.t_norm} changes that"
+        )
     if _same(system, variables):
         return system.consequents.clone()
     if fit_words([system.output]) == fit_words([action.name]) and _same(system, states):

@@ -37,7 +37,8 @@ python -m fnnq_torchrl.rules run=outputs/an_earlier_job record=FILE.csv
 * A file has rules of values, `if bearing is far_left and steer is hard_left then value is 0.5`, or
   of what to do, `if bearing is far_left then steer hard_left`, as many as there are (`.txt`); or it
   is a whole rule base or a distilled controller, as `export=` writes it (`.txt`, `.json`, `.fll`,
-  `.fis`). Its labels must be the network's. Rules that it doesn't name start at 0.
+  `.fis`). Its labels must be the network's, which `value.inputs`, `value.action` and `value.t_norm`
+  set. Rules that it doesn't name start at 0.
 * What to do becomes values. With a\\* to be done in a state, its rule for the action label at a is
   worth margin · (1 − ((a − a\\*)/d)²), where d is the distance between the outermost labels: the
   margin (`rules.margin`) for a\\*, 0 at the far end. Between such states the best action is about

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from fnnq_torchrl import RuleBase
 from fnnq_torchrl.agent.rules import FuzzySystem, RulesError, Variable
+from fnnq_torchrl.agent.rules.errors import choices
 from fnnq_torchrl.agent.rules.formats import MOST_BYTES, READERS, WRITERS, read_system
 from fnnq_torchrl.agent.rules.sentences import read_knowledge
 from tests.rule_bases import paper, systems
@@ -225,6 +226,10 @@ def test_too_large_or_no_text(tmp_path: Path) -> None:
         READERS[".txt"](f"{many}if x0 is l0 then y is 1\n", "f")
 
 
+def test_names_that_are_no_print_are_shown_as_escapes() -> None:
+    assert choices("value", ["\x1bvalue"]) == r"did you mean '\x1bvalue'?"
+
+
 def test_knowledge() -> None:
     text = """# as people write it
     if bearing is far_left and steer is hard_left then value is 0.5
@@ -233,7 +238,7 @@ def test_knowledge() -> None:
     """
     known = read_knowledge(text, "f", paper().inputs)
     assert known.values == {(4, 0): 0.5}
-    assert known.actions == {(0,): 3, (2,): 1}
+    assert known.actions == {(0,): 1.0, (2,): -0.4}
     whole = read_knowledge(TEXTS[".txt"], "f", paper().inputs)
     assert len(whole.values) == 20
 
