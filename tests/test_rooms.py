@@ -35,12 +35,13 @@ ONLY_IN = {
     "matplotlib": ["fnnq_torchrl.training.pictures", "fnnq_torchrl.studies"],
     "submitit": ["fnnq_torchrl.launch.cluster"],
     "mlflow": ["fnnq_torchrl.training.loggers.mlflow"],
+    "sklearn": ["fnnq_torchrl.training.memberships"],
     "PIL": ["fnnq_torchrl.training.loggers.tensorboard"],
     "wandb": ["fnnq_torchrl.training.loggers"],
 }
 
 # Of an extra, and imported only where a user asks for it.
-OPTIONAL = {"PIL", "gymnasium", "mlflow", "submitit", "wandb"}
+OPTIONAL = {"PIL", "gymnasium", "mlflow", "sklearn", "submitit", "wandb"}
 
 PACKAGES = ("envs", "fnnq_torchrl", "hydra_plugins")
 
