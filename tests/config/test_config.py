@@ -241,7 +241,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             ["value=rbf", "value.t_norm=minimum"],
-            "value.t_norm=minimum: there is no value.t_norm; value=fnnq has one",
+            "value.t_norm=minimum: value=rbf has no t_norm; it belongs to value=fnnq",
         ),
         (
             "evaluation.situations=[]",
@@ -333,7 +333,7 @@ def test_a_value_function_brings_its_step_size(value, alpha):
     assert load_config(f"value={value}", "step_size=obgd").alpha == 1
     assert load_config("alpha=0.3", f"value={value}").alpha == 0.3
     cases = OmegaConf.load(CONF / "experiment" / "extrapolation.yaml").hydra.sweeper.cases
-    assert {case.value: case.alpha for case in cases}[value] == alpha
+    assert {case.value: case.alpha for case in cases if "value" in case}[value] == alpha
 
 
 @pytest.mark.parametrize(

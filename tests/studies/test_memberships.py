@@ -22,7 +22,7 @@ JOBS = [
 def level(settings: Settings) -> float:
     """Learned labels are best, and even ones are worst."""
     better = settings["value"]["learn_memberships"] - (settings["value"]["membership"] == "even")
-    return 4.0 + 0.5 * better - abs(settings["alpha"] - 0.2)
+    return 4.0 + 0.5 * better - 5 * abs(settings["alpha"] - 0.2)
 
 
 def invented(name: str, score: float, labels: int, clustered: bool = False) -> Source:
