@@ -37,6 +37,11 @@ of the movement where states were seen.
 
 ## What was done
 
+* *Compact labels.* The paper's claim is on compact membership functions, but its own are Gaussian,
+  as are those of `fnnq` here. So there are rows for labels of the bearing that are 0 outside a
+  range: five triangles at the paper's centres, each reaching to its neighbours' centres; five
+  trapezoids; and 21 narrow triangles, 0.1 rad apart. The outermost ones reach beyond the field of
+  view.
 * *Learning on the left.* For {switch} situations the ball starts on the left of straight ahead (φ₀
   ≥ 0). The head sees it from {view:g} rad on the left to {other:g} rad on the right, and reports a
   ball farther to the right at that edge. So no state with Δθ < −{other:g} rad occurs, and the
