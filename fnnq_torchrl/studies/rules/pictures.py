@@ -233,4 +233,4 @@ def _gap_words(variables: tuple[Variable, ...]) -> str:
 
 def _plain(action: float) -> float:
     """What rounding has left of 0 is 0."""
-    return 0.0 if abs(action) < 1e-9 else float(np.float32(action))
+    return 0.0 if abs(action) < 1e-6 else float(np.float32(action))

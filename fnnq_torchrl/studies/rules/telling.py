@@ -174,4 +174,4 @@ def _aligned(grid: Grid) -> str:
 
 def _number(action: float) -> str:
     """A number with its sign; what rounding has left of 0 is 0."""
-    return f"{action + 0.0 if abs(action) > 1e-9 else 0.0:+.3g}"
+    return f"{action + 0.0 if abs(action) > 1e-6 else 0.0:+.3g}"
