@@ -347,9 +347,9 @@ def test_steps_end_where_all_are_over_and_nobody_is_cut_short(kind: MakeLoop) ->
         assert (after["n"][:LANES] >= -30).all()
 
 
-def test_any_number_of_loops_are_made_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    # torch.compile gives up on a function after this number of compilations, by default eight.
-    monkeypatch.setattr(torch._dynamo.config, "recompile_limit", 2)
+@torch._dynamo.config.patch(recompile_limit=2)
+def test_any_number_of_loops_are_made_in_one_process() -> None:
+    # torch.compile gives up on a function after that number of compilations, by default eight.
     zero = torch.zeros(LANES, 1, dtype=torch.int64)
     args = TensorDict({"until": zero}, [LANES]), TensorDict({"n": zero, "over": zero > 0}, [LANES])
     for _ in range(3):

@@ -103,7 +103,7 @@ def run(
     return run
 
 
-NO_PAIRS = "must be a list of at least one pair [centre, width] with width > 0, or {triangle"
+NO_PAIRS = "must be a list of at least one pair [centre, width] with width > 0, or {triangle…"
 NO_RESULTS = "has no finished results: python -m fnnq_torchrl.train +experiment="
 TORN = "evaluations.csv is not a complete evaluations file: its last row is cut short"
 NO_NUMBER = "evaluations.csv is not a complete evaluations file: could not convert string "

@@ -30,6 +30,8 @@ EXPERIMENTS = {
     "memberships": 3 * (1 + 3 * (1 + 1 + 2) + 2),
     "value_functions": 8 * 5,
     "stream_q": 1,
+    "prior": 2 + 3 * 2,
+    "simulator": 2 + 1 + 2,
     "variants": 2 * (3 * 3 + 3),
     "open_choices": 2 * 11,
 }

@@ -69,7 +69,7 @@ def test_a_job_learns_with_the_labels_that_it_found(tmp_path: Path) -> None:
 
 def test_a_damaged_source_of_states_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "checkpoint.pt").write_text("no")
-    with pytest.raises(ConfigError, match=r"^value\.visited=.* is not a checkpoint"):
+    with pytest.raises(ConfigError, match=r"^value\.visited=.* is damaged, or not a checkpoint"):
         found(config(*CLUSTERED, f"value.visited={tmp_path}"))
 
 

@@ -118,7 +118,7 @@ def test_a_changed_prior_is_another_training(prior: Path, tmp_path: Path) -> Non
     again.read()
     assert again.restore(Trainer.of(job).ledger)
     prior.write_text(SENTENCES.replace("0.25", "0.26"))
-    with pytest.raises(ConfigError, match="is of another configuration"):
+    with pytest.raises(ConfigError, match="was saved with another configuration"):
         saved_training(tmp_path, job).read()
 
 

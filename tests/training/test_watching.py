@@ -48,7 +48,7 @@ def test_the_command_leaves_a_moving_picture_and_stills(
     assert capsys.readouterr().out.split() == [str(job / "robot.gif"), str(job / "robot.png")]
     with Image.open(job / "robot.gif") as film:
         assert 3 <= film.n_frames <= 4
-        assert film.width == 200
+        assert film.width == 100  # before learning above, after it below
     with Image.open(job / "robot.png") as stills:
         assert stills.width == 500
 

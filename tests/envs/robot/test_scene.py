@@ -46,7 +46,7 @@ LINES = {
     ),
     "env.obstacles=[{shape: disc, number: 9, centre_m: [[-1, 1], [-1, 1]], radius_m: 0.4}]": (
         "env.obstacles[0].centre_m=[[-1, 1], [-1, 1]]: must be a region with room for 9 obstacles "
-        "of 0.4 m with clearance_m=0.3 between them and round the robot"
+        "of 0.4 m with clearance_m=0.2 between them and round the robot"
     ),
     "env.field_size_m=[0.5, 6]": (
         "env.field_size_m=[0.5, 6.0]: must be wider and higher than the robot, 2 · radius_m = 0.5"
