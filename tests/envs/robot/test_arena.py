@@ -151,7 +151,7 @@ def test_every_situation_of_every_run_has_a_layout_of_its_own(follow):
     env = make_world(follow, [200], seed=0)
     first, second = env.reset(), env.reset()
     places = torch.cat([first["disc_x_m"], second["disc_x_m"]]).flatten()
-    assert len(places.unique()) > 0.99 * len(places)
+    assert len(places.unique()) > 0.98 * len(places)
     assert 0.4 < first["ball_path"].mean() < 0.6
     again = make_world(follow, [200], seed=0).reset()
     assert all(again[key].equal(first[key]) for key in again.keys())  # noqa: SIM118
