@@ -105,7 +105,7 @@ def test_gaps_are_told_in_one_line() -> None:
     told = gaps_in_words(config(triangles))
     assert told is not None
     assert re.fullmatch(
-        r"no label fires at bearing 0\S* to 0\.1, bearing 1: there the nearest label does "
+        r"no label fires at bearing 0\S* to 0\.1, bearing 1: there the nearest label fires "
         r"\(value\.elsewhere\)",
         told,
     )
