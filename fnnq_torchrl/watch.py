@@ -71,9 +71,7 @@ def watch(given: dict[str, str]) -> list[Path]:
     config = to_config(checkpoint.config)
     most = config.evaluation.tests
     if situations > most:
-        raise ConfigError(
-            f"situations={situations}: must be at most {most}, the number in the job's test"
-        )
+        raise ConfigError(f"situations={situations}: must be at most {most}, the size of the test")
     seeds = _seeds(given["seed"]) or [int(checkpoint.seed[0])]
     films, titles = [], []
     for learned in _WHEN[given["when"]]:

@@ -60,7 +60,10 @@ class RulesConfig(Parameters):
                     near = difflib.get_close_matches(word, names, n=1)
                     meant = f"; did you mean {near[0]}?" if near else ""
                     words_for_all = ", ".join((*names, ANY))
-                    allowed = f"a rule such as {_example(labels)}, with one of {words_for_all} instead of {word}{meant}"
+                    allowed = (
+                        f"a rule such as {_example(labels)}, with one of {words_for_all} "
+                        f"instead of {word}{meant}"
+                    )
                     raise OutOfRange("rules.frozen", entry, allowed)
                 places[i] = [*names].index(word)
             found.append(tuple(places))

@@ -245,7 +245,7 @@ class SumConfig(LabelsConfig):
         return self.rules or [[name] for name in self.inputs or {}]
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
-        """Yield the errors of `LabelsConfig`, and errors for unknown and for missing group inputs."""
+        """Yield the errors of `LabelsConfig`, and errors for unknown or missing group inputs."""
         yield from super().misfits(world)
         known = ", ".join(self.inputs or {})
         named = {name for group in self.groups for name in group}
