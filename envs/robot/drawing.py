@@ -90,7 +90,7 @@ def shot_of(env: PureEnv, state: TensorDictBase, run: int = 0) -> Shot:
     elif isinstance(env, Arena):
         shot = _of_arena(env, one)
     else:
-        raise TypeError(f"{type(env).__name__} isn't one of the robot's worlds, so it has no picture")
+        raise TypeError(f"{type(env).__name__} isn't a world of the robot: it has no picture")
     return replace(
         shot,
         step=int(one["step"]),

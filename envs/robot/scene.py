@@ -74,7 +74,7 @@ class DiscConfig(Parameters):
 
     @property
     def drawn(self) -> bool:
-        """Whether the place or the radius is drawn at random."""
+        """True if the place or the radius is drawn at random."""
         return any(isinstance(value, list) for value in (*self.centre_m, self.radius_m))
 
 
@@ -95,7 +95,7 @@ class BoxConfig(Parameters):
 
     @property
     def drawn(self) -> bool:
-        """Whether the place or the heading is drawn at random."""
+        """True if the place or the heading is drawn at random."""
         return any(isinstance(value, list) for value in (*self.centre_m, self.heading_rad))
 
 

@@ -25,7 +25,7 @@ class RulesConfig(Parameters):
 
     @property
     def used(self) -> bool:
-        """Whether a setting needs a value function with rules."""
+        """True if a setting needs a value function with rules."""
         return bool(
             self.prior is not None
             or self.demonstrations is not None

@@ -165,7 +165,7 @@ class Config(Parameters):
 
     @property
     def counts_firing(self) -> bool:
-        """Whether a job sums the rules' firing strengths while it learns."""
+        """True if a job sums the rules' firing strengths while it learns."""
         return self.rules is not None and self.rules.count_firing
 
     @property
