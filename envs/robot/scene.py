@@ -314,7 +314,7 @@ class SceneConfig(WorldConfig):
         return min(ways) - self.robot.radius_m
 
     def way_to_ball_m(self) -> float:
-        """Return the least distance that the robot drives before it can meet a ``ball``."""
+        """Return the least distance that the robot drives before it can meet kind ``ball``."""
         ways = [inf]
         for ball in self.ball_entries:
             for path in ball.routes if ball.kind == "ball" else ():
