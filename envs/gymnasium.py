@@ -1,4 +1,4 @@
-"""An adapter from the worlds of ``envs`` to Gymnasium's interface."""
+"""Adapters that present the worlds of ``envs`` as Gymnasium environments."""
 
 from __future__ import annotations
 
@@ -21,33 +21,32 @@ from envs.core.world import WorldConfig
 from envs.worlds import make_world
 
 _SEEDS, _EPISODES = 2**63, 2**33
-"""The upper bounds, exclusive, of seeds and of episodes (:func:`envs.core.streams.draw`)."""
+"""The exclusive upper bounds of seeds and episodes (:func:`envs.core.streams.draw`)."""
 
 
 class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
-    """A Gymnasium environment: a single run of one of the worlds of ``envs``.
+    """A Gymnasium environment of a single run of one of our worlds.
 
-    * Observations: the world's, in the order of its configuration (float32).
+    * Observations: the world's observations, in the order of its configuration (float32).
     * Actions: the index of an action in the world's fixed set, or of a candidate in its range.
     * ``info["is_success"]``: whether the episode has ended with a success.
+    * ``render()``: with ``render_mode="rgb_array"``, a picture of a robot's world from above.
 
     A run's random numbers come from its seed (:mod:`envs.core.streams`), not from ``np_random``.
     The same seed and episode number give the same episode here as in any batch.
-
-    * ``render()``: with ``render_mode="rgb_array"``, the robot's worlds from above.
 
     Attributes:
         world: the underlying TorchRL environment.
 
     Args:
-        config: the world's parameters (``conf/env/follow_ball.yaml`` has the paper's).
+        config: the world's parameters (``conf/env/follow_ball.yaml``: the paper's task).
         candidates: the number of evenly spaced actions in the world's range, at least 2
             (``conf/action/even.yaml``); ignored if the world has a fixed set of actions.
-        render_mode: ``rgb_array``, or None.
+        render_mode: ``rgb_array``, or None for no pictures.
 
     Raises:
-        OutOfRange: if the world has a range of actions and ``candidates`` isn't allowed, or if
-            there is no such mode.
+        OutOfRange: if ``render_mode`` is unknown, or if the world has a range of actions and
+            ``candidates`` isn't allowed.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  # as Gymnasium declares it
@@ -67,22 +66,22 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         self._candidates = _candidates(config, candidates)
         self.observation_space = _observation_space(config)
         self.action_space = Discrete(self._candidates.numel())
-        self.world = make_world(config, seed=0)  # `start` is given the seed every time
+        self.world = make_world(config, seed=0)  # unused seed: `start` gets the real seed each time
         self._seed: int | None = None
         self._episode = -1
         self._state: TensorDictBase | None = None
-        self._shown: TensorDictBase | None = None  # the end of a situation can be seen, too
+        self._shown: TensorDictBase | None = None  # the state to render, also after the end
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start the next episode, or a given one.
+        """Start the next episode, or the episode that ``options`` names.
 
         Args:
-            seed: the run's seed, in [0, 2⁶³); with it, the run starts over at episode 0. If no
-                seed was ever given, one is drawn from ``np_random``, as usual in Gymnasium.
+            seed: the run's seed, in [0, 2⁶³); a given seed starts a run at episode 0. If no seed
+                was ever given, it is drawn from ``np_random``, as usual in Gymnasium.
             options: ``episode``, the number of the episode within the run, in [0, 2³³);
-                ``start``, the numbers of a fixed start, instead of a random one.
+                ``start``, the numbers of a fixed start, which replaces the random start.
 
         Returns:
             The observation and ``info``.
@@ -122,7 +121,7 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
 
         Raises:
             OutOfRange: if there is no such action.
-            gymnasium.error.ResetNeeded: if no episode has begun, or it has ended.
+            gymnasium.error.ResetNeeded: if no episode has begun or the episode has ended.
         """
         if not self.action_space.contains(action):
             end = self._candidates.numel()
@@ -142,17 +141,17 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         )
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The picture of the world as it is, ``[height, width, 3]``, if there is to be any.
+        """Return a picture of the world, uint8 ``[height, width, 3]``, or None without a mode.
 
         Raises:
-            gymnasium.error.ResetNeeded: no situation has begun.
-            TypeError: the world is none of the robot's.
+            gymnasium.error.ResetNeeded: if no episode has begun.
+            TypeError: if the world isn't one of the robot's worlds.
         """
         if self.render_mode is None:
             return None
         if self._shown is None:
             raise ResetNeeded("no situation has begun: call reset first")
-        from envs.robot.drawing import Canvas, shot_of  # who draws nothing loads no matplotlib
+        from envs.robot.drawing import Canvas, shot_of  # loads Matplotlib
 
         return Canvas().draw([[shot_of(self.world, self._shown)]])
 
@@ -161,7 +160,7 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         return seen
 
     def _start(self, start: Any) -> list[float]:
-        """Return a start as floats; raise OutOfRange for a wrong length or numbers not finite."""
+        """Return a start as floats; raise OutOfRange for a wrong length or an infinite number."""
         values = self.world.world.start_values
         try:
             numbers = [*map(float, start)]
@@ -173,14 +172,14 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
 
 
 class GymWorlds(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.int64], Any]):
-    """Many runs of one of our worlds side by side, each with a seed of its own.
+    """A Gymnasium vector environment: several runs of one of our worlds, each with its own seed.
 
-    All members take their steps in one call of the world. One whose episode has ended begins the
-    next one in the next step, whatever its action (``AutoresetMode.NEXT_STEP``).
+    One call of the world steps all members. After a member's episode has ended, its next step
+    ignores the action and begins the next episode (``AutoresetMode.NEXT_STEP``).
 
     Args:
-        num_envs: how many.
-        config, candidates: as of `GymWorld`.
+        num_envs: the number of members.
+        config, candidates: as for `GymWorld`.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  # as Gymnasium declares it
@@ -201,14 +200,17 @@ class GymWorlds(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.int64
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """The next situation of every member.
+        """Start the next episode of every member.
 
         Args:
-            seed: member i has the run with this seed + i, which begins anew.
-            options: none.
+            seed: member i starts the run with the seed ``seed + i`` at episode 0.
+            options: ignored.
+
+        Returns:
+            The observations ``[num_envs, observations]`` and ``info``.
 
         Raises:
-            OutOfRange: the seed isn't allowed.
+            OutOfRange: if the seed isn't allowed.
         """
         super().reset(seed=seed)
         if seed is not None:
@@ -225,15 +227,15 @@ class GymWorlds(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.int64
         NDArray[np.bool_],
         dict[str, Any],
     ]:
-        """One step of every member, or its next situation.
+        """Take a step of every member, or begin its next episode.
 
         Raises:
-            OutOfRange: there is no such action.
-            gymnasium.error.ResetNeeded: no situation has begun.
+            OutOfRange: if there is no such action.
+            gymnasium.error.ResetNeeded: if no episode has begun.
         """
         if not self.action_space.contains(actions):
             end = self._candidates.numel()
-            raise OutOfRange("actions", actions, f"whole numbers in [0, {end}), one a member")
+            raise OutOfRange("actions", actions, f"whole numbers in [0, {end}), one per member")
         if self._state is None:
             raise ResetNeeded("no situation has begun: call reset first")
         before = self._state
@@ -258,7 +260,7 @@ class GymWorlds(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.int64
 
 
 def _candidates(config: WorldConfig, number: int | None) -> torch.Tensor:
-    """Return the actions of a fixed set, or so many of a range."""
+    """Return the fixed set of actions, or evenly spaced actions over the range."""
     actions = config.actions
     if isinstance(actions, int):
         return torch.arange(actions, dtype=torch.float32)

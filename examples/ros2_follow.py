@@ -1,8 +1,9 @@
 """A ROS 2 node that lets a learned controller drive: ``python ros2_follow.py JOB_DIRECTORY``.
 
-It reads the ball's bearing (std_msgs/Float32 on /bearing, rad, positive to the left) and a
-sensor_msgs/Range from each sonar (/sonar_0 …, in the ring's order), and writes a
-geometry_msgs/Twist to /cmd_vel ten times a second. Try it with the wheels off the ground first.
+It subscribes to the ball's bearing (std_msgs/Float32 on /bearing, in rad, positive to the left) and
+to each sonar (sensor_msgs/Range on /sonar_0, /sonar_1, …, in the order of the job's sonar ring).
+Once in each time step of the job's world (0.1 s), it publishes a geometry_msgs/Twist on /cmd_vel.
+Try it with the wheels off the ground first.
 """
 
 import sys
@@ -10,14 +11,14 @@ from collections.abc import Mapping, Sequence
 
 
 def twist(steering: float, speed_mps: float, track_width_m: float) -> tuple[float, float]:
-    """Forward speed in m/s and turn in rad/s: the wheels run at V0(1 + Δv) and V0(1 − Δv)."""
+    """Return forward speed (m/s) and turn (rad/s) for wheel speeds V₀(1 + Δv) and V₀(1 − Δv)."""
     return speed_mps, -2 * speed_mps * steering / track_width_m
 
 
 def observe(
     bearing_rad: float, ranges_m: Sequence[float], groups: Mapping[str, Sequence[int]]
 ) -> dict[str, float]:
-    """The controller's inputs: the bearing, and the least reading of each group of sonars."""
+    """Return the controller's inputs: the bearing and the least reading of each sonar group."""
     nearest = {name: min(ranges_m[i] for i in members) for name, members in groups.items()}
     return {"bearing": bearing_rad, **nearest}
 

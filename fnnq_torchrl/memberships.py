@@ -1,4 +1,4 @@
-"""Writes the comparison of labels: ``python -m fnnq_torchrl.memberships``."""
+"""The command of the study that compares labels: ``python -m fnnq_torchrl.memberships``."""
 
 from fnnq_torchrl.studies.memberships.command import main
 

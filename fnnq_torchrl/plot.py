@@ -1,4 +1,4 @@
-"""Draws a job's rules: ``python -m fnnq_torchrl.plot run=DIR``."""
+"""The command that draws a job's rules: ``python -m fnnq_torchrl.plot run=DIR``."""
 
 from fnnq_torchrl.studies.rules.plot_command import main
 

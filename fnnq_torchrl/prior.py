@@ -1,4 +1,4 @@
-"""Writes what prior knowledge does: ``python -m fnnq_torchrl.prior``."""
+"""The command of the study of prior knowledge: ``python -m fnnq_torchrl.prior``."""
 
 from fnnq_torchrl.studies.prior.command import main
 

@@ -1,11 +1,11 @@
-"""Run a controller over recorded readings: ``python -m fnnq_torchrl.replay log=FILE run=DIR``.
+"""Run a job's controller on a log: ``python -m fnnq_torchrl.replay log=FILE run=DIR``.
 
 Keys, each as key=value:
 
-    log   a CSV file with a column for each input of the controller, named as its observations
+    log   a CSV file with a column for each observation that the controller uses, by its name
     run   the directory of a finished job
-    seed  of one of its runs (default: the first)
-    to    the CSV to write: the log with the actions (default: beside the log, with -actions)
+    seed  the seed of one of the job's runs (default: the first run)
+    to    the CSV to write, the log with the actions (default: LOG-actions.csv beside the log)
 """
 
 import sys
@@ -16,7 +16,7 @@ from fnnq_torchrl.launch.words import parse, whole
 
 
 def main() -> None:
-    """Read ``sys.argv``; a mistake is one line on stderr and status 2."""
+    """Run the command; report an error as one line on stderr and exit with status 2."""
     if {"-h", "--help"} & {*sys.argv[1:]}:
         sys.stdout.write(__doc__ or "")
         return
@@ -29,16 +29,21 @@ def main() -> None:
 
 
 def replay(given: dict[str, str]) -> Path:
-    """Write what the controller does, and return the file.
+    """Write the log with the controller's actions.
 
     Args:
-        given: a value for every key.
+        given: a value for every key of the command.
+
+    Returns:
+        The path of the file that was written.
 
     Raises:
-        ConfigError, OSError, ValueError: something can't be read or written.
+        ConfigError: if a value isn't allowed, or the log has wrong columns or readings.
+        OSError: if a file can't be read or written.
+        ValueError: if the job's checkpoint is damaged or has no run with this seed.
     """
     seed = whole(given, "seed", 0) if given["seed"] else None
-    # After the checks: torch takes seconds to import.
+    # Imported after the checks, because importing torch takes seconds.
     from io import StringIO
 
     from fnnq_torchrl.config.checking import to_config

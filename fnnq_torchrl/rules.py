@@ -1,4 +1,4 @@
-"""Prints the rules that a job has learned: ``python -m fnnq_torchrl.rules run=DIR``."""
+"""The command that prints the rules a job has learned: ``python -m fnnq_torchrl.rules run=DIR``."""
 
 from fnnq_torchrl.studies.rules.command import main
 

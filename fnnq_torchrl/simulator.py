@@ -1,4 +1,4 @@
-"""Writes what is learned among obstacles: ``python -m fnnq_torchrl.simulator``."""
+"""The command of the study of learning among obstacles: ``python -m fnnq_torchrl.simulator``."""
 
 from fnnq_torchrl.studies.simulator.command import main
 

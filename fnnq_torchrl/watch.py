@@ -1,14 +1,15 @@
-"""Draw what runs have learned: ``python -m fnnq_torchrl.watch run=DIR``, a GIF and stills.
+"""Draw a job's runs as a GIF and a PNG of stills: ``python -m fnnq_torchrl.watch run=DIR``.
 
 Keys, each as key=value:
 
     run         the directory of a finished job
-    to          the GIF to write (default: robot.gif in that directory); the stills go beside it
-    seed        of one run, or of several, as in 0,1,2 (default: the first)
-    when        after learning, before, or both
-    situations  how many of the test's, from the first (default: 1)
-    every       steps from one frame to the next (default: 2)
-    size        width of a panel in pixels (default: 360)
+    to          the GIF to write (default: robot.gif in that directory); the stills have the
+                same name with the ending .png
+    seed        the seed of one run, or of several, as in 0,1,2 (default: the first run)
+    when        after, before or both: the test after learning, before it, or both (default: after)
+    situations  the number of the test's situations to draw (default: 1)
+    every       the number of steps from one frame to the next (default: 2)
+    size        the width of a panel in pixels (default: 360)
 """
 
 import sys
@@ -30,7 +31,7 @@ _WHEN = {"after": [True], "before": [False], "both": [False, True]}
 
 
 def main() -> None:
-    """Read ``sys.argv``; a mistake is one line on stderr and status 2."""
+    """Run the command; report an error as one line on stderr and exit with status 2."""
     if {"-h", "--help"} & {*sys.argv[1:]}:
         sys.stdout.write(__doc__ or "")
         return
@@ -43,21 +44,24 @@ def main() -> None:
 
 
 def watch(given: dict[str, str]) -> list[Path]:
-    """Draw what was asked for.
+    """Draw test situations of a job.
 
     Args:
-        given: a value for every key.
+        given: a value for every key of the command.
 
     Returns:
-        The files that were written.
+        The paths of the GIF and of the stills.
 
     Raises:
-        ConfigError, OSError, ValueError, TypeError: it can't be drawn.
+        ConfigError: if a value isn't allowed.
+        OSError: if a file can't be read or written.
+        TypeError: if the job's world isn't one of the robot's worlds.
+        ValueError: if the job's checkpoint is damaged.
     """
     situations, every, size_px = (whole(given, key) for key in ("situations", "every", "size"))
     if given["when"] not in _WHEN:
         raise ConfigError(f"when={given['when']}: must be {' or '.join(_WHEN)}")
-    # After the checks: torch takes seconds to import.
+    # Imported after the checks, because importing torch takes seconds.
     from fnnq_torchrl.config.checking import to_config
     from fnnq_torchrl.training.watching import play, write_gif, write_strip
     from fnnq_torchrl.training.weights import load_checkpoint
@@ -67,7 +71,7 @@ def watch(given: dict[str, str]) -> list[Path]:
     config = to_config(checkpoint.config)
     most = config.evaluation.tests
     if situations > most:
-        raise ConfigError(f"situations={situations}: must be at most {most}, the test's")
+        raise ConfigError(f"situations={situations}: must be at most {most}, the size of the test")
     seeds = _seeds(given["seed"]) or [int(checkpoint.seed[0])]
     films, titles = [], []
     for learned in _WHEN[given["when"]]:
@@ -78,7 +82,7 @@ def watch(given: dict[str, str]) -> list[Path]:
                 of_run = f"run {seed}, " if len(seeds) > 1 else ""
                 titles.append(f"{'after' if learned else 'before'} learning, {of_run}test {number}")
     to = Path(given["to"] or directory / "robot.gif")
-    # Before learning above, after it below.
+    # The first row shows the runs before learning, the second row after it.
     columns = len(films) // 2 if given["when"] == "both" else None
     write_gif(films, titles, to, size_px=size_px, every=every, columns=columns)
     stills = to.with_suffix(".png")

@@ -1,4 +1,4 @@
-"""A robot in a field with obstacles and balls: the part that all tasks in it have."""
+"""The base class of the tasks in which a robot drives among obstacles and balls."""
 
 from abc import abstractmethod
 from math import inf, radians
@@ -19,14 +19,14 @@ POSE = "x_m", "y_m", "heading_rad"
 
 
 class Moved(NamedTuple):
-    """What a step has done, for a task to judge. Each entry is ``[*batch, 1]``.
+    """The outcome of a step, from which a task computes the reward. Entries are ``[*batch, 1]``.
 
     Attributes:
-        collided: the robot has touched a wall or an obstacle (bool).
-        ball_distance_m: the distance of the robot's centre from the nearest ball's of the kind
-            ``ball``; infinite if there is none.
-        step: steps of this situation so far, this one included.
-        action: Δv.
+        collided: whether the robot has touched a wall or an obstacle (bool).
+        ball_distance_m: the distance from the robot's centre to the centre of the nearest ball of
+            kind ``ball``; infinite if there is no such ball.
+        step: the number of steps in this situation, including this step.
+        action: Δv, the wheels' relative speed.
     """
 
     collided: Tensor
@@ -36,17 +36,17 @@ class Moved(NamedTuple):
 
 
 class Arena(PureEnv):
-    """A batch of fields, each with a robot, obstacles and balls of its own.
+    """A batch of fields, each with its own robot, obstacles and balls.
 
-    Entries besides those of every :class:`envs.core.pure.PureEnv`; those of objects are
-    ``[*batch_size, objects]``:
+    The state has these entries besides those of :class:`envs.core.pure.PureEnv`. The pose and the
+    action are ``[*batch_size, 1]``, all others ``[*batch_size, objects]``:
 
     =====================================  =======================================================
     ``x_m``, ``y_m``, ``heading_rad``      the robot's pose
-    ``disc_x_m``, ``disc_y_m``,            the obstacles that are drawn for a situation
+    ``disc_x_m``, ``disc_y_m``,            the obstacles with random place or size
     ``disc_radius_m``, ``box_x_m``,
     ``box_y_m``, ``box_heading_rad``
-    ``ball_x_m``, ``ball_y_m``,            the balls' places and how they move
+    ``ball_x_m``, ``ball_y_m``,            the balls' places and motion
     ``ball_east_mps``,                     (:data:`envs.robot.paths.MOTION`)
     ``ball_north_mps``, ``ball_along``,
     ``ball_rate``, ``ball_path``
@@ -54,7 +54,7 @@ class Arena(PureEnv):
     ``action``                             Δv in [−1, 1], the wheels' relative speed
     =====================================  =======================================================
 
-    A subclass says what a step is worth, and what ends a situation (:meth:`judge`).
+    A subclass defines the reward and the end of a situation in :meth:`judge`.
 
     Arguments: as :class:`envs.core.pure.PureEnv`.
     """
@@ -70,7 +70,7 @@ class Arena(PureEnv):
         super().__init__(world, *args, **settings)
         ring = [] if world.sensors.sonar is None else world.sensors.sonar.ring
         places = torch.tensor(ring, dtype=self.dtype, device=self.device).reshape(-1, 3)
-        # As buffers they go along with the environment to another device.
+        # Buffers move to another device together with the environment.
         for number, name in enumerate(("x_m", "y_m", "heading_rad")):
             column = places[:, number].clone()
             column = torch.deg2rad(column) if name == "heading_rad" else column
@@ -78,12 +78,12 @@ class Arena(PureEnv):
 
     @property
     def state_sizes(self) -> dict[str, int]:
-        """The pose, and the objects' entries."""
+        """The number of values of each state entry: the pose and the entries of objects."""
         return dict.fromkeys(POSE, 1) | self._many
 
     @property
     def _many(self) -> dict[str, int]:
-        """The entries of objects, each with their number."""
+        """The number of objects in each entry of obstacles, balls and sonars."""
         world, sizes = self.world, dict[str, int]()
         for shape, keys in layout.DRAWN.items():
             drawn = sum(e.number for e in world.obstacle_entries if e.drawn and e.shape == shape)
@@ -128,7 +128,7 @@ class Arena(PureEnv):
         walls, boxes, discs = self._obstacles(before)
         start, end = Point(before["x_m"], before["y_m"]), Point(x_m, y_m)
         collided = collides(start, end, robot.radius_m, walls=walls, boxes=boxes, discs=discs)
-        # A robot that runs into something turns, but stays where it is.
+        # After a collision the robot has its new heading but its old place.
         objects = {
             "x_m": torch.where(collided, start.x, end.x),
             "y_m": torch.where(collided, start.y, end.y),
@@ -145,7 +145,7 @@ class Arena(PureEnv):
         return self._objects_last(objects | sensed) | self.judge(moved)
 
     def _objects_first(self, entries: Entries) -> Entries:
-        """Return entries as ``[objects, *batch]``, single ones as ``[*batch]``."""
+        """Return entries of objects as ``[objects, *batch]``, all others as ``[*batch]``."""
         many = self._many
         return {
             key: value.movedim(-1, 0) if key in many else value.squeeze(-1)
@@ -153,7 +153,7 @@ class Arena(PureEnv):
         }
 
     def _objects_last(self, entries: Entries) -> Entries:
-        """Return entries as ``[*batch, objects]``, single ones as ``[*batch, 1]``."""
+        """Return entries of objects as ``[*batch, objects]``, all others as ``[*batch, 1]``."""
         many = self._many
         return {
             key: value.movedim(0, -1) if key in many else value.unsqueeze(-1)
@@ -161,11 +161,11 @@ class Arena(PureEnv):
         }
 
     def obstacles(self, state: Entries) -> tuple[Walls | None, Boxes | None, Discs | None]:
-        """Return what the robot may run into in a state, each ``[objects, *batch]``."""
+        """Return a state's walls, boxes and discs; boxes and discs are ``[objects, *batch]``."""
         return self._obstacles(self._objects_first(state))
 
     def _start_ball(self, routes: list[PathConfig], draws: Draws) -> paths.Motion:
-        """Draw one of a ball's paths, and how it begins."""
+        """Draw one of a ball's paths and the ball's motion at its start."""
         starts = [paths.start(route, draws) for route in routes]
         nothing = torch.zeros_like(starts[0]["x_m"])
         which = torch.floor(len(routes) * draws.uniform()) if len(routes) > 1 else nothing
@@ -174,7 +174,7 @@ class Arena(PureEnv):
     def _move_balls(
         self, before: Entries, walls: Walls | None, boxes: Boxes | None
     ) -> dict[str, Tensor]:
-        """Return the balls' entries after a step."""
+        """Return the balls' state entries after a step."""
         moved = []
         for number, ball in enumerate(self.world.ball_entries):
             motion = {key: before[f"ball_{key}"][number] for key in paths.MOTION}
@@ -187,7 +187,7 @@ class Arena(PureEnv):
         return _stacked(moved)
 
     def _obstacles(self, objects: Entries) -> tuple[Walls | None, Boxes | None, Discs | None]:
-        """Return what the robot may run into, each ``[objects, *batch]``."""
+        """Return the walls, boxes and discs; boxes and discs are ``[objects, *batch]``."""
         world, like = self.world, objects["heading_rad"]
         size_m = world.field_size_m
         walls = None if size_m is None else Walls(size_m[0] / 2, size_m[1] / 2)
@@ -199,18 +199,18 @@ class Arena(PureEnv):
         )
 
     def _balls(self, objects: Entries) -> Discs:
-        """Return the balls as discs."""
+        """Return the balls as discs, each entry ``[balls, *batch]``."""
         x_m = objects["ball_x_m"]
         radii = [torch.full_like(x_m[0], ball.radius_m) for ball in self.world.ball_entries]
         return Discs(x_m, objects["ball_y_m"], torch.stack(radii))
 
     def _sense(self, objects: Entries, draws: Draws, before: Entries | None) -> Entries:
-        """Return the observations, and the sonars' readings.
+        """Return the observations and all sonar readings.
 
         Args:
-            objects: pose, obstacles and balls.
+            objects: the entries of the pose, the obstacles and the balls.
             draws: the random numbers of the step.
-            before: the observations before the step, if there was one.
+            before: the entries before the step; None at the start of a situation.
         """
         sensors, seen = self.world.sensors, Entries()
         walls, boxes, discs = self._obstacles(objects)
@@ -258,7 +258,7 @@ class Arena(PureEnv):
         draws: Draws,
         before: Entries | None,
     ) -> Entries:
-        """Return what the head reports of each kind of ball."""
+        """Return bearing, distance and visibility of the nearest ball of each kind."""
         eye, balls = Point(objects["x_m"], objects["y_m"]), self._balls(objects)
         way = between(eye, balls.centre)
         distance_m = torch.sqrt(square(way))
@@ -295,7 +295,7 @@ class Arena(PureEnv):
         return seen
 
     def _ball_distance_m(self, objects: Entries) -> Tensor:
-        """Return the distance from the nearest ball of the kind ``ball``, ``[*batch]``."""
+        """Return the distance to the nearest ball of kind ``ball``, ``[*batch]``."""
         least = torch.full_like(objects["x_m"], inf)
         robot = Point(objects["x_m"], objects["y_m"])
         for number, ball in enumerate(self.world.ball_entries):
@@ -306,7 +306,7 @@ class Arena(PureEnv):
 
 
 def _chosen(which: Tensor, options: list[paths.Motion]) -> paths.Motion:
-    """Return, entry by entry, the option of that number."""
+    """Return for each batch element the option with the number in ``which``."""
     motion = options[0]
     for number, other in enumerate(options[1:], start=1):
         motion = {key: torch.where(which == number, other[key], motion[key]) for key in other}
@@ -314,6 +314,6 @@ def _chosen(which: Tensor, options: list[paths.Motion]) -> paths.Motion:
 
 
 def _stacked(balls: list[paths.Motion]) -> Entries:
-    """Return the balls' entries, each ``[balls, *batch]``; none if there is no ball."""
+    """Return the state entries of all balls, each ``[balls, *batch]``; empty without balls."""
     keys = balls[0] if balls else ()
     return {f"ball_{key}": torch.stack([motion[key] for motion in balls]) for key in keys}

@@ -1,4 +1,4 @@
-"""What a robot, a disc, runs into on its way."""
+"""Collisions of a disc-shaped robot with walls, boxes and discs during a step."""
 
 import torch
 from torch import Tensor
@@ -26,16 +26,16 @@ def collides(
 ) -> Tensor:
     """Return whether a robot touches anything on the straight line of a step.
 
-    The whole line is tested, so that no robot jumps over an obstacle or through a thin wall.
+    The whole line is tested, so that a long step can't jump over an obstacle.
 
     Args:
         start, end: the robot's centre before and after the step, ``[*batch]``.
-        radius_m: of the robot.
-        walls: of the field, if it has any.
-        boxes, discs: the obstacles.
+        radius_m: the robot's radius.
+        walls: the field's walls; None for an open plane.
+        boxes, discs: the obstacles; None for none.
 
     Returns:
-        Bool, ``[*batch]``.
+        Whether the robot touches anything (bool), ``[*batch]``.
     """
     way = between(start, end)
     touched = torch.zeros_like(start.x, dtype=torch.bool)
@@ -53,10 +53,10 @@ def collides(
 
 
 def _meets_boxes(start: Point, way: Point, radius_m: float, boxes: Boxes) -> Tensor:
-    """Return whether a disc meets each box on its way, ``[boxes, *batch]``.
+    """Return whether a moving disc touches each box (bool), ``[boxes, *batch]``.
 
-    What its centre must not enter is a rectangle with rounded corners: the box widened, the box
-    heightened, and a disc at each corner.
+    The disc touches a box if its centre enters a rectangle with rounded corners. This is the union
+    of the box widened by the radius, the box heightened by it, and a disc at each corner.
     """
     half_x, half_y = boxes.half_width_m, boxes.half_height_m
     place, going = boxes.in_frame(start), turned(way, -boxes.heading_rad)

@@ -1,6 +1,7 @@
-"""The robot's worlds from above, as the paper's Fig. 1 shows them: robot, sensors, ball, obstacles.
+"""Pictures of the robot's worlds from above, as in the paper's Fig. 1.
 
-Drawn by matplotlib without a display. The worlds don't import this; who draws does.
+They show the robot, its sensors, the balls and the obstacles, and need no display. The worlds don't
+import this module, so that only programs that draw load Matplotlib.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,7 @@ from envs.robot.follow import FollowBall
 from envs.robot.geometry import Point
 
 Image = NDArray[np.uint8]
-"""A picture, ``[height, width, 3]``."""
+"""An RGB picture, uint8 ``[height, width, 3]``."""
 
 Spot = tuple[float, float]
 Pose = tuple[float, float, float]
@@ -36,23 +37,23 @@ _DPI = 100
 
 @dataclass(frozen=True)
 class Shot:
-    """What there is to see of one run at one moment.
+    """The visible state of one run at one step.
 
     Attributes:
-        half_size_m: of what is shown, to the right and upwards of the origin.
-        walls: whether there are any round it.
-        pose: the robot's.
-        radius_m, track_width_m: the robot's.
-        balls: x, y, radius in m and kind of each.
-        discs: x, y and radius of each.
-        boxes: the corners of each.
-        beams: x, y in m and direction in rad of each sonar, its full width in rad, its reading.
-        view_rad: the head's field of view to either side, if it has any.
-        bearing_rad: where the head reports the ball, if it does.
-        step: number of steps so far.
-        reward: of the step.
-        ended: whether this is the situation's end.
-        success: whether it has ended well.
+        half_size_m: half the width and half the height of the region shown, around the origin.
+        walls: whether the region's edges are walls.
+        pose: the robot's x and y in m and its heading in rad.
+        radius_m, track_width_m: the robot's radius and the distance between its wheels.
+        balls: x, y and radius in m, and kind, of each ball.
+        discs: x, y and radius in m of each round obstacle.
+        boxes: the corners of each rectangular obstacle, in m.
+        beams: x and y in m, direction and full width in rad, and reading in m, of each sonar.
+        view_rad: the head's field of view to either side; None without a head.
+        bearing_rad: the bearing that the head reports; None if it sees no ball.
+        step: the number of steps so far.
+        reward: the reward of this step.
+        ended: whether the situation has ended.
+        success: whether the situation has ended with a success.
     """
 
     half_size_m: Spot
@@ -73,15 +74,15 @@ class Shot:
 
 
 def shot_of(env: PureEnv, state: TensorDictBase, run: int = 0) -> Shot:
-    """Return what there is to see of a run.
+    """Return the visible state of one run of a batch.
 
     Args:
-        env: a world of the robot's.
-        state: of its batch: what a reset or a step led to.
-        run: which of the batch, counted through all its dimensions.
+        env: one of the robot's worlds.
+        state: the state of the whole batch after a reset or a step.
+        run: the run's index in the flattened batch.
 
     Raises:
-        TypeError: it is another world.
+        TypeError: if ``env`` isn't one of the robot's worlds.
     """
     one = state.reshape(-1)[run : run + 1]
     if isinstance(env, FollowBall):
@@ -89,7 +90,7 @@ def shot_of(env: PureEnv, state: TensorDictBase, run: int = 0) -> Shot:
     elif isinstance(env, Arena):
         shot = _of_arena(env, one)
     else:
-        raise TypeError(f"{type(env).__name__} is no world of the robot's, and has no picture")
+        raise TypeError(f"{type(env).__name__} isn't a world of the robot: it has no picture")
     return replace(
         shot,
         step=int(one["step"]),
@@ -110,7 +111,7 @@ def _of_ball(env: FollowBall, one: TensorDictBase) -> Shot:
         half_size_m=(radius_m + 0.4, radius_m + 0.4),
         walls=False,
         pose=_pose(one),
-        # It has no size in this world: what is nearer than that is caught.
+        # The robot has no size in this world, so the catch distance stands for its radius.
         radius_m=world.catch_distance_m,
         track_width_m=min(world.track_width_m, 1.7 * world.catch_distance_m),
         balls=[(radius_m * cos(angle_rad), radius_m * sin(angle_rad), 0.08, "ball")],
@@ -151,7 +152,7 @@ def _of_arena(env: Arena, one: TensorDictBase) -> Shot:
 
 
 def _spots(corners: Point) -> list[list[Spot]]:
-    """Corners ``[boxes, 4, 1]`` as lists."""
+    """Return corners ``[boxes, 4, 1]`` as a list of points for each box."""
     return [
         [*zip(x.flatten().tolist(), y.flatten().tolist(), strict=True)]
         for x, y in zip(corners.x, corners.y, strict=True)
@@ -159,7 +160,7 @@ def _spots(corners: Point) -> list[list[Spot]]:
 
 
 def _ahead(pose: Pose, forward_m: float, left_m: float) -> Spot:
-    """A place on the robot, in the world."""
+    """Return the world coordinates of a point given relative to the robot."""
     x_m, y_m, heading_rad = pose
     return (
         x_m + forward_m * cos(heading_rad) - left_m * sin(heading_rad),
@@ -168,13 +169,13 @@ def _ahead(pose: Pose, forward_m: float, left_m: float) -> Spot:
 
 
 class Canvas:
-    """A picture with one panel or several, drawn over and over.
+    """A figure of one or several panels that is reused for every frame.
 
     Args:
-        panels: how many.
-        size_px: width of each.
-        titles: of each; none by default.
-        columns: how many side by side; about as many as rows by default.
+        panels: the number of panels.
+        size_px: the width of a panel.
+        titles: the panels' titles; none by default.
+        columns: the number of columns; by default about the number of rows.
     """
 
     def __init__(
@@ -187,7 +188,7 @@ class Canvas:
         columns = columns or ceil(sqrt(panels))
         rows = ceil(panels / columns)
         lines = 2 if titles else 1
-        head = 16 * lines / size_px  # of a panel, for its words
+        head = 16 * lines / size_px  # height of the title, as a share of a panel
         size_in = columns * size_px / _DPI, rows * (1 + head) * size_px / _DPI
         self._figure = Figure(figsize=size_in, dpi=_DPI)
         self._canvas = FigureCanvasAgg(self._figure)
@@ -198,26 +199,26 @@ class Canvas:
         self._figure.subplots_adjust(0.005, 0.005, 0.995, 1 - head / rows, 0.03, head + 0.02)
 
     def draw(self, films: Sequence[Sequence[Shot]]) -> Image:
-        """Return the picture of the last shot of each panel, with the trails that led there.
+        """Return a picture of the last shot of each film, with trails from the earlier shots.
 
         Args:
-            films: for each panel, its shots so far; at least one.
+            films: for each panel, at least one shot, in order of time.
         """
         for axes, title, film in zip(self._axes, self._titles, films, strict=True):
             draw(axes, film, title)
-        canvas: Any = self._canvas  # whose methods have no types
+        canvas: Any = self._canvas  # Any, since its methods have no type annotations
         canvas.draw()
         image: Image = np.asarray(canvas.buffer_rgba())[..., :3].copy()
         return image
 
 
 def draw(axes: Axes, film: Sequence[Shot], title: str = "") -> None:
-    """Draw the last of some shots, with the trails of those before it.
+    """Draw the last shot of a film, with trails from the earlier shots.
 
     Args:
-        axes: where; cleared first.
-        film: at least one shot.
-        title: of the panel.
+        axes: the axes to draw on; they are cleared first.
+        film: at least one shot, in order of time.
+        title: the panel's title.
     """
     shot = film[-1]
     across_m, up_m = shot.half_size_m

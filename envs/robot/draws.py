@@ -1,4 +1,4 @@
-"""Random numbers of a run, one after the other."""
+"""A sequence of random numbers for one step of a run."""
 
 from collections.abc import Sequence
 
@@ -8,21 +8,21 @@ from torch import Tensor
 from envs.core.streams import Stream, draw, uniform
 
 BLOCKS = 64
-"""Blocks of four random words that a step has of each of these streams."""
+"""The number of blocks of four random words that each step has in a stream."""
 
 
-_AT_ONCE = 2  # blocks at least, since few large operations take less time than many small ones
+_AT_ONCE = 2  # least number of blocks drawn together: few large operations are faster than many
 
 
 class Draws:
-    """The random numbers of a step, from blocks of four words that are drawn as they are needed.
+    """The random numbers of a step, from blocks of four words that are drawn when needed.
 
-    How many are taken must not depend on the data.
+    The number of words taken must not depend on the data.
 
     Args:
-        seed, episode, step: whose and when, int64, any one shape.
-        stream: what they are for.
-        dtype: of the numbers.
+        seed, episode, step: the run, episode and step of the numbers, int64, all of one shape.
+        stream: the purpose of the numbers.
+        dtype: the type of the numbers.
     """
 
     def __init__(
@@ -34,10 +34,10 @@ class Draws:
         self._blocks, self._words = 0, list[Tensor]()
 
     def words(self, number: int) -> Tensor:
-        """The next words, int32 ``[number, …]``.
+        """Return the next random words, int32 ``[number, …]``.
 
         Raises:
-            ValueError: the step has no more.
+            ValueError: if the step has fewer words left.
         """
         if (missing := number - len(self._words)) > 0:
             blocks = max(_AT_ONCE, (missing + 3) // 4)
@@ -53,18 +53,18 @@ class Draws:
         return torch.stack(taken)
 
     def uniform(self) -> Tensor:
-        """The next of U[0, 1)."""
+        """Return the next number from U[0, 1)."""
         return uniform(self.words(1)[0], self.dtype)
 
     def within(self, value: float | Sequence[float]) -> Tensor:
-        """A number, or one drawn from its range, each as likely."""
+        """Return a fixed number as a tensor, or draw from the uniform distribution over a range."""
         if not isinstance(value, float | int):
             low, high = value
             return low + (high - low) * self.uniform()
         return torch.full_like(self._key[0], value, dtype=self.dtype)
 
     def normals(self, number: int) -> Tensor:
-        """So many numbers of N(0, 1), ``[number, …]``, by Box and Muller's transform."""
+        """Return numbers from N(0, 1), ``[number, …]``, by the Box–Muller transform."""
         pairs = (number + 1) // 2
         numbers = uniform(self.words(2 * pairs), self.dtype)
         radius = torch.sqrt(-2 * torch.log(1 - numbers[:pairs]))
@@ -73,7 +73,7 @@ class Draws:
         return both[:number]
 
     def chances(self, number: int, probability: float) -> Tensor | None:
-        """So many coins that fall true with a probability, ``[number, …]``; None if none can."""
+        """Return bools, each true with a probability, ``[number, …]``; None if that is 0."""
         if probability == 0:
             return None
         return uniform(self.words(number), self.dtype) < probability

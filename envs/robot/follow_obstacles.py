@@ -8,12 +8,12 @@ from envs.robot.schemas import FollowObstaclesConfig
 
 
 class FollowObstacles(Arena):
-    """Catch the ball, touch nothing.
+    """The task of catching the ball without touching an obstacle or a wall.
 
-    A situation ends by a catch or, where ``robot.collision`` is ``end``, by a collision. At the
-    time limit the ball is missed.
+    A situation ends with a catch or with a miss at the time limit. If ``robot.collision`` is
+    ``end``, it also ends with a collision.
 
-    Arguments and entries: as :class:`envs.robot.arena.Arena`.
+    Arguments and entries: those of :class:`envs.robot.arena.Arena`.
     """
 
     schema = FollowObstaclesConfig

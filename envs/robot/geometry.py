@@ -1,7 +1,7 @@
 """Segments, discs, boxes and sectors in the plane. The objects are the first dimension.
 
-Every function takes tensors of any shapes that broadcast, and none looks at its data. The distance
-to a point that isn't there is infinite.
+Every function takes tensors of any shapes that broadcast and has no data-dependent control flow.
+The distance is infinite if no point meets the condition.
 """
 
 from math import cos, inf, sin, tan
@@ -12,14 +12,14 @@ from torch import Tensor
 
 
 class Point(NamedTuple):
-    """Points, or vectors: two tensors of one shape, in metres."""
+    """Points or vectors: two tensors of the same shape, in metres."""
 
     x: Tensor
     y: Tensor
 
 
 class Walls(NamedTuple):
-    """The walls of a rectangular field around the origin, along the axes."""
+    """The walls of a rectangular field, centred on the origin and parallel to the axes."""
 
     half_width_m: float
     half_height_m: float
@@ -38,7 +38,7 @@ class Discs(NamedTuple):
         return Point(self.x_m, self.y_m)
 
     def and_those(self, others: "Discs") -> "Discs":
-        """These discs and others."""
+        """Return these discs followed by others."""
         return Discs(*(torch.cat(both) for both in zip(self, others, strict=True)))
 
 
@@ -57,11 +57,11 @@ class Boxes(NamedTuple):
         return Point(self.x_m, self.y_m)
 
     def in_frame(self, point: Point) -> Point:
-        """A point of the world as it lies to each box: from its centre, x along its heading."""
+        """Return a point in each box's frame: origin at its centre, x axis along its heading."""
         return turned(between(self.centre, point), -self.heading_rad)
 
     def corners(self) -> Point:
-        """The corners, anticlockwise: ``[boxes, 4, *batch]``."""
+        """Return the corners in anticlockwise order, ``[boxes, 4, *batch]``."""
         signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
         x = torch.stack([sign * self.half_width_m for sign, _ in signs], 1)
         y = torch.stack([sign * self.half_height_m for _, sign in signs], 1)
@@ -70,62 +70,63 @@ class Boxes(NamedTuple):
 
 
 def between(start: Point, end: Point) -> Point:
-    """The vector from one point to another."""
+    """Return the vector from ``start`` to ``end``."""
     return Point(end.x - start.x, end.y - start.y)
 
 
 def turned(vector: Point, angle_rad: Tensor) -> Point:
-    """A vector turned anticlockwise."""
+    """Return a vector turned anticlockwise by an angle."""
     return rotated(vector, torch.cos(angle_rad), torch.sin(angle_rad))
 
 
 def rotated(vector: Point, cosine: Tensor, sine: Tensor) -> Point:
-    """A vector turned anticlockwise by the angle that has this cosine and sine."""
+    """Return a vector turned anticlockwise by the angle with this cosine and sine."""
     return Point(cosine * vector.x - sine * vector.y, sine * vector.x + cosine * vector.y)
 
 
 def square(vector: Point) -> Tensor:
-    """The square of a vector's length."""
+    """Return the square of a vector's length."""
     return vector.x * vector.x + vector.y * vector.y
 
 
 def dot(left: Point, right: Point) -> Tensor:
-    """The scalar product."""
+    """Return the scalar product of two vectors."""
     return left.x * right.x + left.y * right.y
 
 
 def cross(left: Point, right: Point) -> Tensor:
-    """The third component of the vector product: positive if ``right`` is to the left."""
+    """Return the vector product's third component: > 0 if ``right`` is to the left of ``left``."""
     return left.x * right.y - left.y * right.x
 
 
 class Sector(NamedTuple):
-    """What lies within half a width to either side of the x axis, as seen from the origin.
+    """The sector with its tip at the origin and its middle along the x axis.
 
     Attributes:
-        half_width_rad: in (0, π/2).
-        max_incidence_rad: a surface met at more than that from its normal is left out, but for its
-            corners; None for no such limit.
+        half_width_rad: the angle from the middle to either edge, in (0, π/2).
+        max_incidence_rad: the largest angle between a ray and a surface's normal at which the
+            surface is detected. Corners are always detected. None for no limit.
     """
 
     half_width_rad: float
     max_incidence_rad: float | None = None
 
     def holds(self, point: Point) -> Tensor:
-        """Return whether points lie in the sector (bool)."""
+        """Return whether each point lies in the sector (bool)."""
         return point.y.abs() * cos(self.half_width_rad) <= point.x * sin(self.half_width_rad)
 
     def to_polygons(self, corners: Point) -> Tensor:
-        """The distance to the nearest point in the sector of each side of polygons.
+        """Return the distance from the origin to each polygon side within the sector.
 
-        Each side is clipped to the sector; of what is left, the nearest point is the foot of the
-        perpendicular, or else the end that is nearer to it.
+        Each side is first clipped to the sector. The nearest point of the clipped side is the foot
+        of the perpendicular from the origin, clamped to the side's ends.
 
         Args:
-            corners: one after the other, ``[sensors, polygons, corners, *batch]``.
+            corners: in order round each polygon, ``[sensors, polygons, corners, *batch]``.
 
         Returns:
-            ``[sensors, polygons, sides, *batch]``.
+            Distances in metres, ``[sensors, polygons, sides, *batch]``; infinite for sides outside
+            the sector.
         """
         start, end = corners, Point(*(_following(values) for values in corners))
         side = between(start, end)
@@ -136,7 +137,7 @@ class Sector(NamedTuple):
         lost = torch.zeros_like(foot, dtype=torch.bool)
         in_sector = torch.ones_like(lost)
         for edge in (1, -1):
-            # How far the corners are beyond an edge of the sector.
+            # Signed distances of the corners beyond an edge of the sector.
             beyond = edge * cosine * start.y - sine * start.x
             beyond_next = _following(beyond)
             at_edge = beyond / (beyond - beyond_next)
@@ -157,19 +158,19 @@ class Sector(NamedTuple):
         return nearest
 
     def to_walls(self, place: Point, cosine: Tensor, sine: Tensor, walls: Walls) -> Tensor:
-        """The distance to the nearest point in the sector of walls all round it.
+        """Return the distance from the sector's tip to the nearest wall within the sector.
 
-        The walls enclose the place, so that each may be taken for an endless line: where it isn't a
-        wall any more, the next one is nearer. A line at the distance d along its normal n is
-        d/(u·n) away in the direction u. Of the sector's directions, the one nearest to n counts.
+        The walls enclose the tip, so each wall may be treated as an endless line: beyond the wall's
+        end, the adjacent wall is nearer. A line at distance d along its normal n is d/(u·n) away
+        in the direction u. The nearest point lies in the sector's direction closest to n.
 
         Args:
-            place: where the sector's origin is, within the walls.
-            cosine, sine: of the direction of its middle.
-            walls: of the field.
+            place: the position of the sector's tip, within the walls.
+            cosine, sine: the cosine and sine of the direction of the sector's middle.
+            walls: the field's walls.
 
         Returns:
-            Of the shape of the place.
+            Distances in metres, shaped as ``place``.
         """
         cos_half, sin_half = cos(self.half_width_rad), sin(self.half_width_rad)
         ahead = Point(cosine, sine)
@@ -201,16 +202,17 @@ class Sector(NamedTuple):
         return nearest
 
     def to_discs(self, centre: Point, radius_m: Tensor) -> Tensor:
-        """The distance to the nearest point in the sector of each disc; inside a disc it is 0.
+        """Return the distance from the origin to each disc within the sector; 0 inside a disc.
 
-        That point lies towards the centre or, where the centre isn't in the sector, on the nearer
-        edge.
+        If the disc's centre is in the sector, the nearest point lies towards the centre. Otherwise
+        it lies on the sector's nearer edge.
 
         Args:
-            centre, radius_m: of the discs, as seen from the origin.
+            centre: the discs' centres in the sector's frame.
+            radius_m: the discs' radii.
 
         Returns:
-            Of that shape.
+            Distances in metres, shaped as the centres; infinite for discs outside the sector.
         """
         sine, cosine = sin(self.half_width_rad), cos(self.half_width_rad)
         distance_m = torch.sqrt(square(centre))
@@ -225,15 +227,15 @@ class Sector(NamedTuple):
 
 
 def _following(values: Tensor) -> Tensor:
-    """The next corner's value at each corner, ``[sensors, polygons, corners, *batch]``."""
+    """Return each corner's next value round the polygon, shaped as ``values``."""
     return torch.cat([values[:, :, 1:], values[:, :, :1]], 2)
 
 
 def encloses(corners: Point) -> Tensor:
-    """Return whether polygons hold the origin, ``[sensors, polygons, *batch]`` (bool).
+    """Return whether convex polygons contain the origin (bool), ``[sensors, polygons, *batch]``.
 
     Args:
-        corners: anticlockwise, ``[sensors, polygons, corners, *batch]``.
+        corners: in anticlockwise order, ``[sensors, polygons, corners, *batch]``.
     """
     left = cross(corners, Point(*(_following(values) for values in corners))) >= 0
     inside = left[:, :, 0]
@@ -243,10 +245,10 @@ def encloses(corners: Point) -> Tensor:
 
 
 def square_to_segment(point: Point, start: Point, way: Point) -> Tensor:
-    """The square of a point's distance from the segment that leads ``way`` from ``start``.
+    """Return the squared distance from a point to the segment from ``start`` to ``start + way``.
 
     Args:
-        point, start, way: of any shapes that broadcast; the way may be nothing.
+        point, start, way: any shapes that broadcast; ``way`` may be zero.
     """
     out = between(start, point)
     length2 = square(way)
@@ -256,10 +258,10 @@ def square_to_segment(point: Point, start: Point, way: Point) -> Tensor:
 
 
 def cuts_rectangle(start: Point, way: Point, half_width_m: Tensor, half_height_m: Tensor) -> Tensor:
-    """Return whether a segment meets the rectangle around the origin along the axes (bool).
+    """Return whether a segment meets an axis-parallel rectangle around the origin (bool).
 
-    By separating axes: two convex sets don't meet if they don't overlap as seen along one of the
-    rectangle's sides or along the segment.
+    The separating axis theorem: the two are disjoint exactly if their projections onto a normal of
+    the rectangle's sides or of the segment are disjoint.
     """
     middle = Point(start.x + way.x / 2, start.y + way.y / 2)
     half_x, half_y = way.x.abs() / 2, way.y.abs() / 2

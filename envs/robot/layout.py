@@ -1,4 +1,4 @@
-"""Where obstacles are in a situation: fixed ones, and those drawn where there is room."""
+"""The placement of obstacles in a situation: fixed obstacles, and obstacles drawn at random."""
 
 import torch
 from torch import Tensor
@@ -11,13 +11,13 @@ DRAWN = {
     "disc": ("disc_x_m", "disc_y_m", "disc_radius_m"),
     "box": ("box_x_m", "box_y_m", "box_heading_rad"),
 }
-"""The entries of the obstacles that are drawn, by their shapes."""
+"""The state entries of randomly drawn obstacles, by shape."""
 
 TRIES = 12
-"""Places that are tried for an obstacle; one that finds no room isn't in this situation."""
+"""The number of places tried for an obstacle. If none has room, the obstacle is left out."""
 
 NOWHERE_M = 1e4
-"""Where an obstacle lies that isn't in this situation: far beyond every sensor's range."""
+"""The coordinates of an obstacle that is left out: far beyond every sensor's range."""
 
 
 def draw_obstacles(
@@ -28,16 +28,18 @@ def draw_obstacles(
 ) -> dict[str, Tensor]:
     """Draw the obstacles that aren't fixed, one after the other.
 
-    Each is put where it is clear of the others, fixed ones included, by its greatest reach.
+    Each new obstacle keeps clear of all others, fixed obstacles included. For this test every
+    obstacle counts as a disc that encloses it.
 
     Args:
-        obstacles: the scene's.
-        draws: the random numbers of a situation.
-        keep_clear: places ``[*batch]`` and radii of what they must not overlap either.
+        obstacles: the scene's obstacles.
+        draws: the random numbers of the situation.
+        keep_clear: centres ``[*batch]`` and radii of further discs to keep clear of.
         clearance_m: the least gap.
 
     Returns:
-        The entries of `DRAWN`, ``[discs, *batch]`` and ``[boxes, *batch]``, if any is drawn.
+        The entries of `DRAWN` for each shape with drawn obstacles, ``[discs, *batch]`` or
+        ``[boxes, *batch]``.
     """
     taken: list[tuple[Point, Tensor | float]] = [*keep_clear]
     for each in obstacles:
@@ -70,9 +72,9 @@ def _place(
     taken: list[tuple[Point, Tensor | float]],
     clearance_m: float,
 ) -> Point:
-    """The first of some random places that is clear of all that is there, or nowhere."""
+    """Return the first random place clear of all in ``taken``, or `NOWHERE_M` if none is."""
     words = draws.words(TRIES)
-    # Sixteen bits for either: a tenth of a millimetre in six metres.
+    # Sixteen bits for each coordinate: a resolution of 0.1 mm in 6 m.
     bits = (words >> 16) & 0xFFFF, words & 0xFFFF
     tried = Point(
         *(
@@ -93,7 +95,7 @@ def _place(
 def discs_of(
     obstacles: list[ObstacleConfig], drawn: dict[str, Tensor], like: Tensor
 ) -> Discs | None:
-    """The discs of a situation, the fixed ones first; None if the scene has none."""
+    """Return the discs of a situation, fixed discs first; None if the scene has no discs."""
     fixed = [each for each in obstacles if isinstance(each, DiscConfig) and not each.drawn]
     columns = [[*each.centre_m, each.radius_m] for each in fixed]
     entries = _joined(columns, [drawn.get(key) for key in DRAWN["disc"]], like)
@@ -103,7 +105,7 @@ def discs_of(
 def boxes_of(
     obstacles: list[ObstacleConfig], drawn: dict[str, Tensor], like: Tensor
 ) -> Boxes | None:
-    """The boxes of a situation, the fixed ones first; None if the scene has none."""
+    """Return the boxes of a situation, fixed boxes first; None if the scene has no boxes."""
     boxes = [each for each in obstacles if isinstance(each, BoxConfig)]
     fixed = [each for each in boxes if not each.drawn]
     loose = [each for each in boxes if each.drawn for _ in range(each.number)]
@@ -118,7 +120,7 @@ def boxes_of(
 
 
 def _joined(fixed: list[list[float]], drawn: list[Tensor | None], like: Tensor) -> list[Tensor]:
-    """Columns of fixed numbers, each followed by those that are drawn, ``[objects, *batch]``."""
+    """Return columns ``[objects, *batch]`` of fixed numbers followed by drawn numbers."""
     joined = []
     for number, values in enumerate(drawn):
         parts = [torch.full_like(like, row[number]).unsqueeze(0) for row in fixed]

@@ -8,14 +8,14 @@ from envs.robot.geometry import Boxes, Point, Walls, rotated
 from envs.robot.scene import CircleConfig, LineConfig, PathConfig, StillConfig, WaypointsConfig
 
 MOTION = "x_m", "y_m", "east_mps", "north_mps", "along", "rate"
-"""The state of a ball: its place; on a line its velocity; else how far along its path it is and how
-fast, in rad on a circle and in m between waypoints."""
+"""The state entries of a ball: its place; its velocity on a line; and its position along a circle
+(rad) or waypoints (m) with the rate of change."""
 
 Motion = dict[str, Tensor]
 
 
 def start(path: PathConfig, draws: Draws) -> Motion:
-    """Draw where a ball is at first and how it moves, each entry of `MOTION` ``[*batch]``."""
+    """Draw a ball's first place and its motion: the entries of `MOTION`, each ``[*batch]``."""
     nothing = draws.within(0.0)
     motion = dict.fromkeys(MOTION, nothing)
     match path:
@@ -43,14 +43,14 @@ def move(
     walls: Walls | None,
     boxes: Boxes | None,
 ) -> Motion:
-    """Move a ball on for a time step.
+    """Return a ball's motion after a time step.
 
     Args:
-        path: which it is on.
+        path: the ball's path.
         motion: the entries of `MOTION`, ``[*batch]``.
-        time_step_s: dt.
-        radius_m: of the ball.
-        walls, boxes: what throws it back from a line.
+        time_step_s: the length of the time step.
+        radius_m: the ball's radius.
+        walls, boxes: the obstacles that reflect a ball on a line; None for none.
     """
     if isinstance(path, StillConfig):
         return motion
@@ -68,12 +68,12 @@ def move(
         along = motion["along"] + motion["rate"] * time_step_s
         motion = motion | {"along": along}
         way = on_circle if isinstance(path, CircleConfig) else between_waypoints
-        place = way(path, along)  # type: ignore[arg-type]  # each has its own
+        place = way(path, along)  # type: ignore[arg-type]  # the function for this type of path
     return motion | {"x_m": place.x, "y_m": place.y}
 
 
 def on_circle(path: CircleConfig, angle_rad: Tensor) -> Point:
-    """The point of a circle at an angle."""
+    """Return the point of a circle at an angle."""
     x_m, y_m = path.centre_m
     return Point(
         x_m + path.radius_m * torch.cos(angle_rad), y_m + path.radius_m * torch.sin(angle_rad)
@@ -81,7 +81,7 @@ def on_circle(path: CircleConfig, angle_rad: Tensor) -> Point:
 
 
 def between_waypoints(path: WaypointsConfig, along_m: Tensor) -> Point:
-    """The point so far along the waypoints, the last one if they end there."""
+    """Return the point at a distance along the waypoints; an open path ends at its last point."""
     lengths = path.lengths_m
     left_m = along_m
     if path.closed:
@@ -104,19 +104,19 @@ def bounce(
     walls: Walls | None,
     boxes: Boxes | None,
 ) -> tuple[Point, Point]:
-    """Where a ball is after a time step, thrown back by walls and boxes as by mirrors.
+    """Return a ball's place and velocity after a time step, with elastic bounces.
 
-    A ball meets a box as if its own square did. Where it would end in a box all the same, thrown
-    there and back within the step, it stays where it was and turns round.
+    At a box, the ball counts as a square with sides parallel to the box's. If several bounces in
+    one step would still end inside a box, the ball keeps its place and reverses its velocity.
 
     Args:
-        place, velocity: of the ball's centre, ``[*batch]``.
-        time_step_s: dt.
-        radius_m: of the ball.
-        walls, boxes: what throws it back.
+        place, velocity: the place and velocity of the ball's centre, ``[*batch]``.
+        time_step_s: the length of the time step.
+        radius_m: the ball's radius.
+        walls, boxes: the obstacles that reflect the ball; None for none.
 
     Returns:
-        The new place and velocity; the speed is the same.
+        The new place and velocity. The speed doesn't change.
     """
     end = Point(place.x + velocity.x * time_step_s, place.y + velocity.y * time_step_s)
     after = velocity
@@ -136,7 +136,7 @@ def bounce(
 
 
 def _folded(number: Tensor, half: float) -> tuple[Tensor, Tensor]:
-    """A number thrown back into [−half, half] as often as it takes, and the sign of its speed."""
+    """Return a coordinate reflected into [−half, half], and the factor ±1 of its velocity."""
     phase = torch.remainder(number + half, 4 * half)
     back = phase > 2 * half
     return torch.where(back, 3 * half - phase, phase - half), 1.0 - 2.0 * back.to(number.dtype)
@@ -145,7 +145,7 @@ def _folded(number: Tensor, half: float) -> tuple[Tensor, Tensor]:
 def _off_box(
     place: Point, end: Point, velocity: Point, radius_m: float, box: Boxes
 ) -> tuple[Point, Point]:
-    """The end of a way and the velocity there, if the way is mirrored at the side that it meets."""
+    """Return a step's end and the velocity there, reflected at the box side that the step meets."""
     cosine, sine = torch.cos(box.heading_rad), torch.sin(box.heading_rad)
     centre = box.centre
     here = rotated(Point(place.x - centre.x, place.y - centre.y), cosine, -sine)
@@ -190,6 +190,6 @@ def _inside(point: Point, radius_m: float, box: Boxes) -> Tensor:
 
 
 def _one(boxes: Boxes | None, number: int) -> Boxes:
-    """One of several boxes, each entry ``[*batch]``."""
+    """Return the box with a number, each entry ``[*batch]``."""
     assert boxes is not None
     return Boxes(*(values[number] for values in boxes))

@@ -1,4 +1,4 @@
-"""Pictures of the robot's worlds as an entry of the TensorDict, for TorchRL's video recorder."""
+"""A transform that adds pictures of the robot's worlds, for TorchRL's video recorder."""
 
 import torch
 from tensordict import TensorDictBase
@@ -10,13 +10,13 @@ from envs.robot.drawing import Canvas, shot_of
 
 
 class Pixels(Transform):
-    """Adds ``pixels``, each run from above: uint8 ``[*batch_size, height, width, 3]``.
+    """Add the entry ``pixels``, a view from above: uint8 ``[*batch_size, height, width, 3]``.
 
-    ``TransformedEnv(env, Pixels())``, and after it ``VideoRecorder(logger, tag)``, which takes that
-    entry. Each picture takes some hundredths of a second.
+    Append it to an environment with ``TransformedEnv(env, Pixels())``. TorchRL's ``VideoRecorder``,
+    appended next, reads ``pixels``. Each picture takes some hundredths of a second.
 
     Args:
-        size_px: the width.
+        size_px: the width of a picture.
     """
 
     def __init__(self, size_px: int = 240) -> None:
@@ -38,7 +38,7 @@ class Pixels(Transform):
         return torch.from_numpy(self._canvas.draw([[shot_of(self.parent.base_env, state, run)]]))
 
     def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
-        """Add the picture's spec; its height is known from one that is drawn."""
+        """Add the spec of ``pixels``; a picture is drawn to find its height."""
         env = self.parent.base_env
         shape = (*env.batch_size, *self._draw(env.fake_tensordict(), 0).shape)
         spec = Bounded(0, 255, shape, dtype=torch.uint8, device=observation_spec.device)

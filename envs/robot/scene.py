@@ -1,7 +1,7 @@
 """The parameters of a scene: field, robot, obstacles, balls and sensors. No torch.
 
-Lengths are in metres, x points east and y north, angles are anticlockwise from x. A number that may
-be a range [least, greatest] is drawn from it when a situation begins.
+Lengths are in metres. x points east and y north; angles are anticlockwise from x. Instead of a
+number, some parameters accept a range [least, greatest]: each situation draws a number from it.
 """
 
 from collections.abc import Iterator, Mapping
@@ -33,11 +33,11 @@ from envs.core.parameters import (
 from envs.core.world import Range, WorldConfig
 
 MOST_SENSORS = 64
-"""More sonars would want more random numbers than a step has."""
+"""The largest number of sonars for which a step has enough random numbers."""
 
 
 def span(value: Any) -> Range:
-    """The least and the greatest that a number may be."""
+    """Return the least and the greatest value of a number or of a range."""
     return (value[0], value[1]) if isinstance(value, list) else (value, value)
 
 
@@ -46,7 +46,7 @@ def span(value: Any) -> Range:
 
 @dataclass
 class RobotConfig(Parameters):
-    """A disc on two driven wheels. It starts at the origin."""
+    """A disc-shaped robot with two driven wheels that starts at the origin."""
 
     speed_mps: float = number(above=0)
     track_width_m: float = number(above=0)
@@ -60,7 +60,7 @@ class RobotConfig(Parameters):
 
 @dataclass(frozen=True)
 class DiscConfig(Parameters):
-    """Round obstacles, so many of a kind."""
+    """A group of ``number`` round obstacles."""
 
     shape: str = one_of("disc", "box")
     number: int = whole(1)
@@ -69,18 +69,18 @@ class DiscConfig(Parameters):
 
     @property
     def reach_m(self) -> float:
-        """The greatest distance of any of its points from its centre."""
+        """The greatest possible radius."""
         return span(self.radius_m)[1]
 
     @property
     def drawn(self) -> bool:
-        """Whether anything of it is drawn."""
+        """True if the place or the radius is drawn at random."""
         return any(isinstance(value, list) for value in (*self.centre_m, self.radius_m))
 
 
 @dataclass(frozen=True)
 class BoxConfig(Parameters):
-    """Rectangular obstacles, so many of a kind; the first side is along the heading."""
+    """A group of ``number`` rectangular obstacles. Their width is along the heading."""
 
     shape: str = one_of("disc", "box")
     number: int = whole(1)
@@ -90,12 +90,12 @@ class BoxConfig(Parameters):
 
     @property
     def reach_m(self) -> float:
-        """The greatest distance of any of its points from its centre."""
+        """The distance from the centre to a corner."""
         return hypot(*self.size_m) / 2
 
     @property
     def drawn(self) -> bool:
-        """Whether anything of it is drawn."""
+        """True if the place or the heading is drawn at random."""
         return any(isinstance(value, list) for value in (*self.centre_m, self.heading_rad))
 
 
@@ -110,7 +110,7 @@ _PATHS = "circle", "line", "still", "waypoints"
 
 @dataclass(frozen=True)
 class CircleConfig(Parameters):
-    """A path round a centre."""
+    """A circular path at constant angular speed."""
 
     path: str = one_of(*_PATHS)
     centre_m: list[float] = point("x", "y")
@@ -121,7 +121,7 @@ class CircleConfig(Parameters):
 
 @dataclass(frozen=True)
 class LineConfig(Parameters):
-    """A straight path, thrown back by walls and boxes as by mirrors."""
+    """A straight path with elastic bounces off walls and boxes."""
 
     path: str = one_of(*_PATHS)
     start_m: list[Any] = place()
@@ -131,7 +131,7 @@ class LineConfig(Parameters):
 
 @dataclass(frozen=True)
 class StillConfig(Parameters):
-    """No path: the ball lies still."""
+    """The path of a ball that lies still."""
 
     path: str = one_of(*_PATHS)
     start_m: list[Any] = place()
@@ -139,7 +139,7 @@ class StillConfig(Parameters):
 
 @dataclass(frozen=True)
 class WaypointsConfig(Parameters):
-    """A path from point to point, round and round if closed, else up to the last."""
+    """A path from point to point: an endless loop if closed, otherwise up to the last point."""
 
     path: str = one_of(*_PATHS)
     points_m: list[list[float]] = rows("x", "y", least=2)
@@ -148,12 +148,12 @@ class WaypointsConfig(Parameters):
 
     @property
     def stops_m(self) -> list[list[float]]:
-        """The points in the order in which they are passed, with the first at the end if closed."""
+        """The points in order; if the path is closed, the first point is repeated at the end."""
         return [*self.points_m, *self.points_m[:1]] if self.closed else self.points_m
 
     @property
     def lengths_m(self) -> list[float]:
-        """The length of each stretch."""
+        """The distances between successive points."""
         return [hypot(x - u, y - v) for (u, v), (x, y) in pairwise(self.stops_m)]
 
 
@@ -168,7 +168,7 @@ PATHS: dict[str, type[PathConfig]] = {
 
 @dataclass(frozen=True)
 class BallConfig(Parameters):
-    """A ball: of several paths one is drawn, each as likely."""
+    """A ball. Each situation draws one of its paths with equal probability."""
 
     kind: str = matching(r"[a-z][a-z0-9_]*", "a word in small letters")
     radius_m: float = number(above=0)
@@ -176,7 +176,7 @@ class BallConfig(Parameters):
 
     @cached_property
     def routes(self) -> list[PathConfig]:
-        """The paths with their parameters."""
+        """The parsed entries of ``paths``."""
         return [_entry(PATHS, "path", path, f"paths[{i}]") for i, path in enumerate(self.paths)]
 
 
@@ -185,7 +185,7 @@ class BallConfig(Parameters):
 
 @dataclass
 class SonarConfig(Parameters):
-    """A ring of sonars. Observations are the least readings of groups of them."""
+    """A ring of sonars. Each observation is the least reading in a group of sonars."""
 
     ring: list[Any] = rows("x_m", "y_m", "heading_deg")
     groups: dict[str, list[int]] = wholes(0)
@@ -198,7 +198,7 @@ class SonarConfig(Parameters):
     sees_balls: bool = flag()
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """Yield too many sonars, groups of none that there are, and a range behind the sonar."""
+        """Yield an error for too many sonars, groups of unknown sonars and negative ranges."""
         if len(self.ring) > MOST_SENSORS:
             yield OutOfRange("ring", self.ring, f"at most {MOST_SENSORS} sonars")
         for name, members in self.groups.items():
@@ -211,7 +211,7 @@ class SonarConfig(Parameters):
 
 @dataclass
 class VisionConfig(Parameters):
-    """A head that sees the balls of some kinds."""
+    """A camera head that sees the balls of the given kinds."""
 
     kinds: list[str] = texts(most=32)
     field_of_view_rad: float = number(above=0, high=pi)  # to either side
@@ -225,7 +225,7 @@ class VisionConfig(Parameters):
 
 @dataclass
 class SensorsConfig(Parameters):
-    """What the robot perceives with."""
+    """The robot's sensors; None for a sensor that it doesn't have."""
 
     sonar: SonarConfig | None
     vision: VisionConfig | None
@@ -236,7 +236,7 @@ class SensorsConfig(Parameters):
 
 @dataclass(kw_only=True)
 class SceneConfig(WorldConfig):
-    """A field with a robot, obstacles and balls, which all tasks with sonars share."""
+    """The parameters that all :class:`envs.robot.arena.Arena` tasks share."""
 
     time_step_s: float = number(above=0)
     field_size_m: list[float] | None = or_null(point("width", "height", above=0))
@@ -251,7 +251,7 @@ class SceneConfig(WorldConfig):
 
     @cached_property
     def obstacle_entries(self) -> list[ObstacleConfig]:
-        """The obstacles with their parameters."""
+        """The parsed entries of ``obstacles``."""
         return [
             _entry(OBSTACLES, "shape", values, f"obstacles[{i}]")
             for i, values in enumerate(self.obstacles)
@@ -259,12 +259,12 @@ class SceneConfig(WorldConfig):
 
     @cached_property
     def ball_entries(self) -> list[BallConfig]:
-        """The balls with their parameters."""
+        """The parsed entries of ``balls``."""
         return [made_from(BallConfig, values, f"balls[{i}]") for i, values in enumerate(self.balls)]
 
     @property
     def observations(self) -> Mapping[str, Range]:
-        """Of each kind of ball its bearing, distance and whether it is seen; groups of sonars."""
+        """Ranges of each ball kind's bearing, distance and visibility, and of each sonar group."""
         seen: dict[str, Range] = {}
         if (vision := self.sensors.vision) is not None:
             for kind in vision.kinds:
@@ -278,16 +278,16 @@ class SceneConfig(WorldConfig):
 
     @property
     def actions(self) -> Range:
-        """Δv, the wheels' relative speed."""
+        """The range of Δv, the wheels' relative speed."""
         return -1.0, 1.0
 
     @property
     def stride_m(self) -> float:
-        """The way of a step."""
+        """The distance that the robot drives in a step."""
         return self.robot.speed_mps * self.time_step_s
 
     def contradictions(self) -> Iterator[OutOfRange]:
-        """Yield whatever makes it a world that can't be."""
+        """Yield an error for each parameter with which the scene is impossible."""
         try:
             obstacles, balls = self.obstacle_entries, self.ball_entries
             for i, ball in enumerate(balls):
@@ -302,7 +302,7 @@ class SceneConfig(WorldConfig):
         yield from self._unknown_kinds(balls)
 
     def way_to_obstacles_m(self) -> float:
-        """The way at least that the robot has to go before it touches anything."""
+        """Return the least distance that the robot drives before it can touch anything."""
         ways = [inf]
         if self.field_size_m is not None:
             ways.append(min(self.field_size_m) / 2)
@@ -314,7 +314,7 @@ class SceneConfig(WorldConfig):
         return min(ways) - self.robot.radius_m
 
     def way_to_ball_m(self) -> float:
-        """The way at least from the robot to a ball of the kind ``ball`` that rolls towards it."""
+        """Return the least distance that the robot drives before it can meet kind ``ball``."""
         ways = [inf]
         for ball in self.ball_entries:
             for path in ball.routes if ball.kind == "ball" else ():
@@ -337,7 +337,7 @@ class SceneConfig(WorldConfig):
     def _outside(
         self, obstacles: list[ObstacleConfig], balls: list[BallConfig]
     ) -> Iterator[OutOfRange]:
-        """Yield what isn't in the field."""
+        """Yield an error for each obstacle or ball path that leaves the field."""
         if self.field_size_m is None:
             return
         width_m, height_m = self.field_size_m
@@ -368,12 +368,16 @@ class SceneConfig(WorldConfig):
     def _overlaps(
         self, obstacles: list[ObstacleConfig], balls: list[BallConfig]
     ) -> Iterator[OutOfRange]:
-        """Yield fixed obstacles that overlap something, and drawn ones without room."""
+        """Yield errors for overlaps of fixed obstacles and for drawn obstacles without room."""
         fixed = {i: each for i, each in enumerate(obstacles) if not each.drawn}
         for i, each in fixed.items():
             key = f"obstacles[{i}]"
             if each.number > 1:
-                yield OutOfRange(f"{key}.number", each.number, "1 where nothing of it is drawn")
+                yield OutOfRange(
+                    f"{key}.number",
+                    each.number,
+                    "1 unless its centre, radius or heading is a range",
+                )
             if _gap_to_disc(each, (0.0, 0.0), self.robot.radius_m) <= 0:
                 yield OutOfRange(f"{key}.centre_m", each.centre_m, "clear of the robot's start")
             for j, ball in enumerate(balls):
@@ -390,7 +394,7 @@ class SceneConfig(WorldConfig):
         yield from self._without_room(obstacles)
 
     def _without_room(self, obstacles: list[ObstacleConfig]) -> Iterator[OutOfRange]:
-        """Yield obstacles that can't all be put down, each on the first point that is free."""
+        """Yield an error if placing drawn obstacles at the first free grid points fails."""
         gap_m = self.clearance_m
         taken = [(0.0, 0.0, self.robot.radius_m)]
         for each in obstacles:
@@ -423,27 +427,29 @@ class SceneConfig(WorldConfig):
                 taken.append((*free, each.reach_m))
 
     def _unknown_kinds(self, balls: list[BallConfig]) -> Iterator[OutOfRange]:
-        """Yield kinds that no ball has, and names that are taken."""
+        """Yield an error for each kind without a ball and each sonar group with a taken name."""
         vision, sonar = self.sensors.vision, self.sensors.sonar
         kinds = {ball.kind for ball in balls}
         for kind in () if vision is None else vision.kinds:
             if kind not in kinds:
-                allowed = f"kinds of balls that there are: {', '.join(sorted(kinds)) or 'none'}"
+                allowed = f"kinds of balls in the scene: {', '.join(sorted(kinds)) or 'none'}"
                 yield OutOfRange("sensors.vision.kinds", kind, allowed)
         taken = {name for kind in kinds for name in names_of(kind)} | {"chance", "action", "reward"}
         for name, members in () if sonar is None else sonar.groups.items():
             if name in taken:
-                yield OutOfRange(f"sensors.sonar.groups.{name}", members, "under a name of its own")
+                yield OutOfRange(
+                    f"sensors.sonar.groups.{name}", members, "a group with an unused name"
+                )
 
 
 def names_of(kind: str) -> tuple[str, str, str]:
-    """The observations of a kind of ball: its bearing, its distance, and whether it is seen."""
+    """Return the names of a ball kind's observations: bearing, distance and visibility."""
     prefix = "" if kind == "ball" else f"{kind}_"
     return f"{prefix}bearing", f"{kind}_distance_m", f"{prefix}seen"
 
 
 def _entry(schemas: Mapping[str, type[Any]], which: str, values: Any, key: str) -> Any:
-    """Return the parameters of an entry whose key ``which`` names its schema."""
+    """Parse an entry by the schema that its key ``which`` names."""
     kind = values.get(which, "???")
     if kind not in schemas:
         raise OutOfRange(f"{key}.{which}", kind, " or ".join(schemas))
@@ -451,7 +457,7 @@ def _entry(schemas: Mapping[str, type[Any]], which: str, values: Any, key: str) 
 
 
 def _prefixed(prefix: str, read: Any) -> None:
-    """Have the keys of what is read begin with a prefix where it is refused."""
+    """Call ``read``, and put a prefix before the key of an OutOfRange error that it raises."""
     try:
         read()
     except OutOfRange as wrong:
@@ -467,7 +473,7 @@ def _grid(value: Any, points: int = 21) -> list[float]:
 
 
 def _gap_to_disc(obstacle: ObstacleConfig, centre_m: tuple[float, float], radius_m: float) -> float:
-    """The gap between a fixed obstacle and a disc; negative where they overlap."""
+    """Return the gap between a fixed obstacle and a disc; negative if they overlap."""
     x_m, y_m = centre_m[0] - obstacle.centre_m[0], centre_m[1] - obstacle.centre_m[1]
     if isinstance(obstacle, DiscConfig):
         return float(hypot(x_m, y_m) - obstacle.radius_m - radius_m)
@@ -479,7 +485,7 @@ def _gap_to_disc(obstacle: ObstacleConfig, centre_m: tuple[float, float], radius
 
 
 def _reaches(obstacle: ObstacleConfig, place: Any, radius_m: float) -> bool:
-    """Return whether a ball that starts at a place, or in a region, may start in the obstacle."""
+    """Return whether a ball that starts in a place or region can overlap a fixed obstacle."""
     nearest = [
         min(max(centre, low), high)
         for centre, (low, high) in zip(obstacle.centre_m, map(span, place), strict=True)
@@ -496,7 +502,7 @@ def _overlap(one: ObstacleConfig, other: ObstacleConfig) -> bool:
         return _gap_to_disc(one, (other.centre_m[0], other.centre_m[1]), other.radius_m) < 0
     if isinstance(one, DiscConfig):
         return _overlap(other, one)
-    # Two rectangles are apart if they are as seen along a side of either.
+    # Two rectangles are disjoint if their projections onto some side's direction are.
     axes = [box.heading_rad + turn for box in (one, other) for turn in (0.0, pi / 2)]
     return all(_shadows_meet(one, other, axis) for axis in axes)
 
@@ -517,5 +523,5 @@ def _shadows_meet(one: BoxConfig, other: BoxConfig, axis_rad: float) -> bool:
 
 
 def steps_for(way_m: float, stride_m: float) -> int:
-    """The steps that a way takes at least."""
+    """Return a lower bound, at least 1, of the number of steps that a distance takes."""
     return max(1, floor(way_m / stride_m)) if way_m < inf else 2**31

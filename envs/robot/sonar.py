@@ -1,4 +1,4 @@
-"""A ring of sonars: each reads the distance to the nearest point in its beam."""
+"""A ring of sonars. Each sonar reads the distance to the nearest point in its beam."""
 
 from math import inf
 from typing import NamedTuple
@@ -10,11 +10,11 @@ from envs.robot.geometry import Boxes, Discs, Point, Sector, Walls, between, enc
 
 
 class Ring(NamedTuple):
-    """Where the sonars are on the robot, each entry ``[sensors]``.
+    """The sonars' places and directions on the robot, each entry ``[sensors]``.
 
     Attributes:
-        x_m, y_m: from the robot's centre, forward and to the left.
-        heading_rad: from the robot's heading, anticlockwise.
+        x_m, y_m: distances from the robot's centre, forward and to the left.
+        heading_rad: angle from the robot's heading, anticlockwise.
     """
 
     x_m: Tensor
@@ -32,17 +32,17 @@ def distances(
     boxes: Boxes | None = None,
     discs: Discs | None = None,
 ) -> Tensor:
-    """The exact distance from each sonar to the nearest point of anything in its beam, in metres.
+    """Return the exact distance from each sonar to the nearest point in its beam, in metres.
 
     Args:
         robot, heading_rad: the robot's pose, ``[*batch]``.
         ring: the sonars.
-        sector: the beam of each.
-        walls: of the field, if it has any.
-        boxes, discs: what else echoes.
+        sector: the shape of every sonar's beam.
+        walls: the field's walls; None for an open plane.
+        boxes, discs: the objects that echo; None for none.
 
     Returns:
-        ``[sensors, *batch]``: 0 inside an object, infinite where nothing is in the beam.
+        ``[sensors, *batch]``: 0 inside an object, infinite if the beam meets nothing.
     """
     x_m, y_m, turn_rad = (values.view(-1, *[1] * robot.x.ndim) for values in ring)
     out = rotated(Point(x_m, y_m), torch.cos(heading_rad), torch.sin(heading_rad))
@@ -51,7 +51,7 @@ def distances(
     cosine, sine = torch.cos(ahead_rad), torch.sin(ahead_rad)
 
     def seen(points: Point) -> Point:
-        """Points ``[*objects, *batch]`` from each sonar: ``[sensors, *objects, *batch]``."""
+        """Return points ``[*objects, *batch]`` in each sonar's frame, sensors first."""
         shape = (len(x_m), *[1] * (points.x.ndim - robot.x.ndim), *robot.x.shape)
         here = Point(*(values.view(shape) for values in place))
         return rotated(between(here, points), cosine.view(shape), -sine.view(shape))
@@ -78,20 +78,21 @@ def readings(
     noise_share: float,
     range_m: tuple[float, float],
 ) -> Tensor:
-    """What sonars report of these distances: not exactly, not always, and only so far.
+    """Return sonar readings with noise, lost echoes and a limited range.
 
-    The error is normal, of the standard deviation σ = noise_m + noise_share · distance. What is
-    farther than the range, or dropped, gives no echo, which reads as the end of the range.
+    The error is normal with standard deviation σ = noise_m + noise_share · distance. Without an
+    echo, the reading is the end of the range. An echo is missing if it is dropped or if the object
+    is beyond the range.
 
     Args:
-        distance_m: any shape, infinite where there is nothing.
-        normals: of the standard normal distribution, same shape; None without noise.
-        dropped: echoes that are lost (bool), same shape; None if none is.
-        noise_m, noise_share: see above.
+        distance_m: exact distances, any shape; infinite without an object.
+        normals: standard normal numbers, same shape; None without noise.
+        dropped: whether each echo is lost (bool), same shape; None if no echo is lost.
+        noise_m, noise_share: the constants of σ.
         range_m: the least and the greatest reading.
 
     Returns:
-        Metres, of that shape, within the range.
+        Readings in metres within the range, shaped as ``distance_m``.
     """
     low_m, high_m = range_m
     echo = distance_m <= high_m

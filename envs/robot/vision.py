@@ -1,4 +1,4 @@
-"""The balls as the robot's head sees them."""
+"""The vision of the robot's head: bearings, distances and visibility of balls."""
 
 import math
 
@@ -49,12 +49,12 @@ def hidden(
     """Return whether something cuts the line from the eye to each ball's centre.
 
     Args:
-        eye: ``[*batch]``.
-        balls: one in front hides another.
-        boxes, discs: the obstacles. The walls of a field are round it, and hide nothing.
+        eye: the head's place, ``[*batch]``.
+        balls: the balls; a ball also hides the balls behind it.
+        boxes, discs: the obstacles; None for none. Walls enclose the field, so they hide nothing.
 
     Returns:
-        Bool, ``[balls, *batch]``.
+        Whether each ball is hidden (bool), ``[balls, *batch]``.
     """
     lines = between(eye, balls.centre)
     number = len(lines.x)
@@ -84,28 +84,28 @@ def hidden(
 def in_sight(
     bearing_rad: Tensor, distance_m: Tensor, *, field_of_view_rad: float, range_m: float
 ) -> Tensor:
-    """Return whether something is within the field of view and the range (bool).
+    """Return whether an object is within the field of view and the range (bool).
 
     Args:
-        bearing_rad: from the heading, in [−π, π), any shape.
-        distance_m: same shape.
-        field_of_view_rad: to either side.
-        range_m: as far as the head sees.
+        bearing_rad: the object's angle from the heading, in [−π, π), any shape.
+        distance_m: the object's distance, same shape.
+        field_of_view_rad: the largest visible angle to either side.
+        range_m: the largest visible distance.
     """
     return (bearing_rad.abs() <= field_of_view_rad) & (distance_m <= range_m)
 
 
 def nearest(distance_m: Tensor, allowed: Tensor, *values: Tensor) -> tuple[Tensor, ...]:
-    """The nearest of several balls, the first of them where none is allowed.
+    """Select the nearest allowed ball, or the first ball if no ball is allowed.
 
     Args:
-        distance_m: ``[balls, *batch]``.
-        allowed: those among which to look (bool), same shape.
-        *values: further numbers of each ball, same shape.
+        distance_m: the balls' distances, ``[balls, *batch]``.
+        allowed: whether each ball may be selected (bool), same shape.
+        *values: further values of each ball, same shape.
 
     Returns:
-        Whether there is one (bool), its distance, and those of the values that are its own, each
-        ``[*batch]``.
+        Whether a ball is allowed (bool), the selected ball's distance, and its entry of each of
+        ``values``, each ``[*batch]``.
     """
     found, least = allowed[0], distance_m[0]
     picked = [value[0] for value in values]
@@ -120,7 +120,7 @@ def nearest(distance_m: Tensor, allowed: Tensor, *values: Tensor) -> tuple[Tenso
 
 
 def rounded(angle_rad: Tensor, resolution_rad: float) -> Tensor:
-    """The nearest multiple of the resolution; with 0, the angle as it is."""
+    """Return the nearest multiple of the resolution; the unchanged angle if the resolution is 0."""
     if resolution_rad == 0:
         return angle_rad
     return torch.floor(angle_rad / resolution_rad + 0.5) * resolution_rad

@@ -1,4 +1,4 @@
-"""The robot drives about and touches nothing."""
+"""The robot drives about without touching anything."""
 
 from envs.core.pure import Entries
 from envs.robot.arena import Arena, Moved
@@ -6,11 +6,11 @@ from envs.robot.schemas import WanderConfig
 
 
 class Wander(Arena):
-    """Drive on, as straight as can be, and touch nothing.
+    """The task of driving on, as straight as possible, without touching anything.
 
-    A situation ends by a collision. At the time limit it is cut off, which is a success.
+    A situation ends with a collision. At the time limit it is cut off and counts as a success.
 
-    Arguments and entries: as :class:`envs.robot.arena.Arena`.
+    Arguments and entries: those of :class:`envs.robot.arena.Arena`.
     """
 
     schema = WanderConfig

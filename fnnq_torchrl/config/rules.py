@@ -1,4 +1,4 @@
-"""The schema of ``conf/rules/``: what is known before learning. No torch here."""
+"""The schema of ``conf/rules/``, the knowledge before learning. This module needs no torch."""
 
 import difflib
 from collections.abc import Sequence
@@ -8,14 +8,14 @@ from typing import Any
 from envs.core.parameters import OutOfRange, Parameters, flag, matching, number, or_null, texts
 
 ANY = "*"
-"""Stands for every label in the name of a rule."""
+"""The text that stands for every label in the name of a rule."""
 
 _PATH = r".{0,4000}\S"
 
 
 @dataclass
 class RulesConfig(Parameters):
-    """The rules that learning starts from; values and meaning: conf/rules/none.yaml."""
+    """The rules that learning starts from. conf/rules/none.yaml explains the keys."""
 
     prior: Any = or_null(matching(_PATH, "the path of a file of rules, or of a job's directory"))
     frozen: list[str] = texts(most=1_000)
@@ -25,7 +25,7 @@ class RulesConfig(Parameters):
 
     @property
     def used(self) -> bool:
-        """Whether anything here needs a value function of rules."""
+        """True if a setting needs a value function with rules."""
         return bool(
             self.prior is not None
             or self.demonstrations is not None
@@ -34,23 +34,23 @@ class RulesConfig(Parameters):
         )
 
     def frozen_rules(self, labels: Sequence[Sequence[str]]) -> list[tuple[int | None, ...]]:
-        """Return the places of the labels of the rules that don't learn.
+        """Return the rules that don't learn, by the indices of their labels.
 
         Args:
-            labels: the labels' names of each input and, last, of the action.
+            labels: the names of the labels of each input and, last, of the action.
 
         Returns:
-            For each entry of ``frozen`` the place of a label of each variable; None stands for
-            every label.
+            For each entry of ``frozen``, a tuple with a label index for each variable. None stands
+            for every label of the variable.
 
         Raises:
-            OutOfRange: an entry has an unknown label, or more labels than there are variables.
+            OutOfRange: if an entry has an unknown label, or more labels than there are variables.
         """
         found: list[tuple[int | None, ...]] = []
         for entry in self.frozen:
             words = entry.split("/")
             if len(words) > len(labels):
-                allowed = f"at most {len(labels)} labels joined by /, as {_example(labels)}"
+                allowed = f"at most {len(labels)} labels joined by /, such as {_example(labels)}"
                 raise OutOfRange("rules.frozen", entry, allowed)
             places: list[int | None] = [None] * len(labels)
             for i, (word, names) in enumerate(zip(words, labels, strict=False)):
@@ -60,7 +60,10 @@ class RulesConfig(Parameters):
                     near = difflib.get_close_matches(word, names, n=1)
                     meant = f"; did you mean {near[0]}?" if near else ""
                     words_for_all = ", ".join((*names, ANY))
-                    allowed = f"a rule as {_example(labels)}, {word} one of {words_for_all}{meant}"
+                    allowed = (
+                        f"a rule such as {_example(labels)}, with one of {words_for_all} "
+                        f"instead of {word}{meant}"
+                    )
                     raise OutOfRange("rules.frozen", entry, allowed)
                 places[i] = [*names].index(word)
             found.append(tuple(places))

@@ -1,7 +1,7 @@
 """The configuration of a job: a typed and range-checked schema without values.
 
-``conf/`` holds every value, with its unit and its source. This module imports neither torch nor
-Hydra, so that errors are reported before these are loaded.
+``conf/`` holds every value with its unit and source. This module imports neither torch nor Hydra,
+so that errors are reported before those libraries are loaded.
 """
 
 from collections.abc import Iterator
@@ -58,7 +58,7 @@ PER_RUN = (
 
 @dataclass
 class ActionConfig(Parameters):
-    """The number of candidate actions in a range; null for all actions of a fixed set."""
+    """The number of candidate actions in a range; None for all actions of a fixed set."""
 
     candidates: Any = or_null(whole(2))
 
@@ -73,7 +73,7 @@ class MachineConfig(Parameters):
 
 @dataclass
 class EvaluationConfig(Parameters):
-    """The interval of the tests, and their starts: fixed starts, or the number of random starts."""
+    """The interval between tests, and their fixed starts or number of random starts."""
 
     every: int = whole(1)
     situations: Any = whole_or_rows(1, "start")
@@ -92,7 +92,7 @@ class EvaluationConfig(Parameters):
 
 @dataclass
 class CheckpointConfig(Parameters):
-    """When to save unfinished trainings, and whether to save the weights of all evaluations."""
+    """The interval between checkpoints, and whether to save the weights of all evaluations."""
 
     every_s: float = number(above=0)
     snapshots: bool = flag()
@@ -128,7 +128,7 @@ class Config(Parameters):
     evaluation: EvaluationConfig
     machine: MachineConfig
     checkpoint: CheckpointConfig
-    rules: RulesConfig | None = None  # for jobs older than this key
+    rules: RulesConfig | None = None  # None in jobs from before this key existed
     logger: LoggerConfig = field(default_factory=LoggerConfig)  # no logger chosen
 
     def __post_init__(self) -> None:
@@ -138,7 +138,7 @@ class Config(Parameters):
 
     @property
     def largest_value(self) -> float:
-        """The largest |Q| of a run that hasn't diverged; infinity if ``env.returns`` is None."""
+        """The largest |Q| of a run that hasn't diverged; infinite if ``env.returns`` is None."""
         returns = self.env.returns
         return inf if returns is None else self.diverged_beyond * max(map(abs, returns))
 
@@ -165,16 +165,16 @@ class Config(Parameters):
 
     @property
     def counts_firing(self) -> bool:
-        """Whether rules' firing strengths are added up while they learn."""
+        """True if a job sums the rules' firing strengths while it learns."""
         return self.rules is not None and self.rules.count_firing
 
     @property
     def frozen_rules(self) -> list[tuple[int | None, ...]]:
-        """The rules that don't learn, by :meth:`.RulesConfig.frozen_rules`."""
+        """The rules that don't learn, as :meth:`.RulesConfig.frozen_rules` returns them."""
         value = self.value
         if self.rules is None or not self.rules.frozen or not isinstance(value, LabelsConfig):
             return []
-        if value.inputs is None or value.action is None:  # told again when they are found
+        if value.inputs is None or value.action is None:  # checked once labels are found
             return []
         labels = {**value.inputs, self.env.action_name: value.action}
         return self.rules.frozen_rules(
@@ -182,9 +182,9 @@ class Config(Parameters):
         )
 
     def _misfits_of_the_rules(self) -> Iterator[OutOfRange]:
-        """Yield what is said of rules where there are none, or none of these."""
+        """Yield an error for rule settings without rules, or for unknown frozen rules."""
         if self.rules is not None and self.rules.used and self.value.kind != "fnnq":
-            allowed = "fnnq, which has rules, where rules.… is given"
+            allowed = "fnnq, the kind with rules, if rules.… is given"
             yield OutOfRange("value.kind", self.value.kind, allowed)
             return
         try:

@@ -1,7 +1,7 @@
-"""The schemas of ``conf/value/``: the keys of every value function, without torch.
+"""The schemas of ``conf/value/``: the keys of every value function. This module needs no torch.
 
-``fnnq_torchrl.agent.values`` has the networks. A user's own value function, whose kind is
-``module:Class``, has its schema in its class.
+The networks are in ``fnnq_torchrl.agent.values``. A user's own value function has the kind
+``module:Class``, and its class provides the schema.
 """
 
 import difflib
@@ -53,10 +53,10 @@ ACTIVATIONS = ("tanh", "relu", "leaky_relu")
 """The activation functions of an MLP's hidden units."""
 
 EVEN, CLUSTERED = "even", "clustered"
-"""Where memberships come from, if they aren't given: evenly spaced, or from visited states."""
+"""The ways to generate labels: evenly spaced, or by clustering visited states."""
 
 CLUSTERINGS = ("kmeans", "mixture")
-"""The ways to find clusters: k-means, or a mixture of Gaussians."""
+"""The clustering methods: k-means, and a mixture of Gaussians."""
 
 
 @dataclass
@@ -66,14 +66,14 @@ class ValueConfig(Parameters):
     kind: str = matching(*KIND)
 
     of_each_input: ClassVar[str] = "an entry"
-    """The noun with which messages name an entry of ``inputs``."""
+    """The noun for an entry of ``inputs`` in messages."""
 
     def in_world(self, world: WorldConfig) -> Self:
-        """Return a copy with the world's values for the keys that are null."""
+        """Return a copy in which keys that are null have the world's values."""
         return self
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
-        """Yield an error if there are no inputs, and for each input that the world doesn't have."""
+        """Yield an error for empty inputs and for each input that the world doesn't have."""
         inputs, names = getattr(self, "inputs", None), ", ".join(world.observations)
         if inputs is not None and not inputs:
             yield OutOfRange("inputs", inputs, f"{self.of_each_input} for at least one of: {names}")
@@ -86,7 +86,7 @@ class ValueConfig(Parameters):
 
 
 def _is_named(label: Any) -> bool:
-    """Return whether a label is a mapping {kind: [numbers]} of a single kind."""
+    """Return whether a label is a mapping {kind: [numbers]} with a single key."""
     return (
         isinstance(label, dict)
         and len(label) == 1
@@ -101,17 +101,17 @@ def _a_directory() -> Any:
 
 
 def _labels() -> Any:
-    """Declare a field for the labels of an input or of the action."""
+    """Declare a field for labels of the inputs or of the action."""
     other = Range(_is_named, "{triangle: [a, b, c]} and the like")
     return or_null(pairs("centre", "width", above=0, other=other))
 
 
 @dataclass
 class LabelsConfig(ValueConfig):
-    """The labels of every input and of the action; every combination of them is a rule.
+    """The labels of every input and of the action; every combination of labels is a rule.
 
-    A label is ``[centre, width]`` of a Gaussian or ``{kind: [parameters]}``. What has a default
-    here may be missing in older jobs.
+    A label is ``[centre, width]`` of a Gaussian or ``{kind: [parameters]}``. Fields with a default
+    may be missing in the configurations of older jobs.
     """
 
     inputs: Any = _labels()
@@ -131,7 +131,7 @@ class LabelsConfig(ValueConfig):
     of_each_input: ClassVar = "labels"
 
     def in_world(self, world: WorldConfig) -> Self:
-        """Return the same with evenly spaced labels, where they are to be so."""
+        """Return a copy with evenly spaced labels if ``membership`` is ``even``."""
         names = world.observations if self.inputs is None else self.inputs
         spans = {name: world.observations.get(name, (-inf, inf)) for name in names}
         finite = all(isfinite(end) for span in spans.values() for end in span)
@@ -141,17 +141,20 @@ class LabelsConfig(ValueConfig):
         return replace(self, inputs=inputs, action=self.action_in(world))
 
     def found(self, inputs: Mapping[str, Sequence[Membership]], world: WorldConfig) -> Self:
-        """Return the same with labels that were found for the inputs, which are then as given.
+        """Return a copy that contains found labels as if a user had given them.
 
         Args:
-            inputs: the labels, Gaussian, by the inputs' names.
-            world: has the action's range.
+            inputs: the Gaussian labels of each input, by its name.
+            world: the world, for the action's range.
         """
         labels = {name: [self._written(of) for of in each] for name, each in inputs.items()}
         return replace(self, inputs=labels, action=self.action_in(world), membership="paper")
 
     def action_in(self, world: WorldConfig) -> list[Any]:
-        """Return the action's labels: evenly spaced, or where their number isn't set, as given."""
+        """Return the given labels of the action, or evenly spaced labels.
+
+        The labels are evenly spaced if ``labels_of_action`` is set or no labels are given.
+        """
         if self.labels_of_action is None and self.action is not None:
             return [*self.action]
         low, high = (0, world.actions - 1) if isinstance(world.actions, int) else world.actions
@@ -161,33 +164,33 @@ class LabelsConfig(ValueConfig):
         return [self._written(label) for label in even_labels(low, high, count)]
 
     def _written(self, label: Membership) -> list[float]:
-        """A Gaussian as ``[centre, width]``, in the reading of widths that is set."""
+        """Return a Gaussian as ``[centre, width]``, with the width in the units of ``width``."""
         _, (centre, sigma) = label
         return [centre, sigma**2 if self.width == "variance" else sigma]
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
-        """Yield unknown inputs, wrong labels, and names of what is neither input nor action."""
+        """Yield errors for unknown inputs or variables and for wrong or missing labels."""
         yield from super().misfits(world)
         for name, labels in (self.inputs or {}).items():
             yield from _misfits_of(f"inputs.{name}", labels)
         yield from _misfits_of("action", self.action or [])
         for key in ("inputs", "action"):
             if getattr(self, key) is None and self.membership == "paper":
-                needs = "labels, or null where value.membership is even or clustered"
+                needs = "labels, or null if value.membership is even or clustered"
                 yield OutOfRange(key, None, needs)
         for name in world.observations if self.inputs is None else self.inputs:
             span = world.observations.get(name, (0.0, 0.0))
             if self.membership == EVEN and not all(map(isfinite, span)):
-                words = f"paper or clustered, since {name} has a range without an end"
+                words = f"paper or clustered, since the range of {name} is infinite"
                 yield OutOfRange("membership", EVEN, words)
         known = (*world.observations, world.action_name)
         for name in self.names:
             if name not in known:
-                words = f"under the name of one of: {', '.join(known)}"
+                words = f"named after one of: {', '.join(known)}"
                 yield OutOfRange(f"names.{name}", self.names[name], words)
 
     def names_of(self, variable: str, count: int) -> list[str]:
-        """Return the words for a variable's labels; numbers where there aren't as many words."""
+        """Return a variable's label names; label_1, label_2, … if their number doesn't fit."""
         names = self.names.get(variable, [])
         if len(names) == count:
             return [*names]
@@ -195,7 +198,7 @@ class LabelsConfig(ValueConfig):
 
 
 def _misfits_of(key: str, labels: Sequence[Any]) -> Iterator[OutOfRange]:
-    """Yield labels of unknown kinds, or whose numbers don't fit their kind."""
+    """Yield an error for each label of an unknown kind or with wrong parameters."""
     for label in labels:
         if isinstance(label, dict):
             ((kind, numbers),) = label.items()
@@ -214,14 +217,14 @@ def _one_of(names: Iterable[str]) -> str:
 
 @dataclass
 class FuzzyConfig(LabelsConfig):
-    """A fuzzy rule base over labels, which may be learned along with its consequents."""
+    """A fuzzy rule base, whose labels may be learned together with the consequents."""
 
     t_norm: str = one_of(*T_NORMS, default="product")
     learn_memberships: bool = flag(default=False)
     least_width: float = number(above=0, high=1, default=0.1)
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
-        """Yield what doesn't fit, and labels to be learned that have neither centre nor width."""
+        """Yield the errors of `LabelsConfig`, and one if labels to be learned aren't Gaussian."""
         yield from super().misfits(world)
         every = [*(self.inputs or {}).values(), self.action or []]
         if self.learn_memberships and any(isinstance(label, dict) for of in every for label in of):
@@ -232,29 +235,31 @@ class FuzzyConfig(LabelsConfig):
 
 @dataclass
 class SumConfig(LabelsConfig):
-    """Labels as of `LabelsConfig`, with a rule base for each of some groups of inputs."""
+    """A sum of fuzzy rule bases, one for each group of inputs."""
 
     rules: Any = or_null(groups(), kw_only=True)
 
     @property
     def groups(self) -> list[list[str]]:
-        """The groups of inputs."""
+        """The groups of inputs; by default, each input is a group."""
         return self.rules or [[name] for name in self.inputs or {}]
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
-        """Yield wrong inputs or labels, groups with unknown inputs, and inputs in no group."""
+        """Yield the errors of `LabelsConfig`, and errors for unknown or missing group inputs."""
         yield from super().misfits(world)
         known = ", ".join(self.inputs or {})
         named = {name for group in self.groups for name in group}
         if named - {*(self.inputs or {})}:
             yield OutOfRange("rules", self.rules, f"groups of the inputs: {known}")
         if missing := [name for name in self.inputs or {} if name not in named]:
-            yield OutOfRange("rules", self.rules, f"groups with every input, {missing[0]} too")
+            yield OutOfRange(
+                "rules", self.rules, f"groups that include every input, also {missing[0]}"
+            )
 
 
 @dataclass
 class TilesConfig(ValueConfig):
-    """The grids of tiles over the ranges [low, high] of every input and of the action."""
+    """Tile coding with grids over the ranges [low, high] of every input and of the action."""
 
     inputs: Any = or_null(rising_pair("low", "high"))
     action: Any = or_null(rising_pair("low", "high"))
@@ -264,7 +269,7 @@ class TilesConfig(ValueConfig):
     of_each_input: ClassVar = "a range"
 
     def in_world(self, world: WorldConfig) -> Self:
-        """Return a copy with the world's ranges for the keys that are null."""
+        """Return a copy in which ranges that are null are the world's."""
         spans = {name: [*span] for name, span in world.observations.items()}
         actions = world.actions
         last = [0.0, actions - 1.0] if isinstance(actions, int) else [*actions]
@@ -280,7 +285,7 @@ class TilesConfig(ValueConfig):
 
 @dataclass
 class MLPConfig(ValueConfig):
-    """The multilayer perceptron from the inputs and the action to Q."""
+    """A multilayer perceptron from the inputs and the action to Q."""
 
     inputs: Any = or_null(texts(most=64))
     widths: list[int] = wholes(1)
@@ -291,7 +296,7 @@ class MLPConfig(ValueConfig):
     of_each_input: ClassVar = "the names"
 
     def in_world(self, world: WorldConfig) -> Self:
-        """Return a copy whose inputs, if null, are all observations of the world."""
+        """Return a copy in which null inputs are replaced by all observations of the world."""
         return self if self.inputs is not None else replace(self, inputs=[*world.observations])
 
 

@@ -1,4 +1,4 @@
-"""Draws the learning curves of jobs and sweeps. A failure is reported and stops nothing."""
+"""Draws the learning curves of jobs and sweeps. A failure is reported but stops no training."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -29,14 +29,14 @@ def draw_sweep(curves: Sequence[Curve], of: str, picture: Path, score: Score) ->
 
 @contextmanager
 def _optional(picture: Path) -> Iterator[None]:
-    """Report any failure of a block that draws a picture, and let the work go on.
+    """Report any failure in a block that draws a picture, and suppress the exception.
 
-    The block should import Matplotlib, too, because a user's settings can make the import fail.
+    Import Matplotlib within the block, because a user's settings can make the import fail.
     """
     try:
         yield
-    except Exception as error:  # of any kind, since no number depends on the picture
-        with suppress(OSError):  # an earlier picture, which shows other numbers
+    except Exception as error:  # any exception: no result depends on the picture
+        with suppress(OSError):  # an earlier picture would show other numbers
             picture.unlink()
         reason = " ".join(str(error).split()) or type(error).__name__
         announce(f"going on without {picture}, which can't be drawn: {reason}")

@@ -1,4 +1,4 @@
-"""How strongly each rule fired while a job's runs learned: firing.csv."""
+"""The file firing.csv: each rule's firing strength, summed over the steps of learning."""
 
 import csv
 import io
@@ -14,7 +14,7 @@ from fnnq_torchrl.agent.rules import Variable
 from fnnq_torchrl.files.atomic import atomic_write
 
 FIRING = "firing.csv"
-"""The file, which a job leaves with ``rules.count_firing=true``."""
+"""The name of the file, which a job writes with ``rules.count_firing=true``."""
 
 
 def write_firing(
@@ -23,13 +23,13 @@ def write_firing(
     """Write a row for each run and rule: the seed, the rule's labels, and its summed strength.
 
     Args:
-        path: the file.
-        seeds: the runs'.
-        fired: ``[runs, labels of input 1, …, action labels]``.
+        path: the file to write.
+        seeds: the seed of each run.
+        fired: the summed strengths, ``[runs, labels of input 1, …, action labels]``.
         variables: the state inputs and, last, the action.
 
     Raises:
-        OSError: the file can't be written.
+        OSError: if the file can't be written.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -44,15 +44,15 @@ def write_firing(
 
 
 def read_firing(path: Path, shape: Sequence[int]) -> Tensor:
-    """Read the strengths back.
+    """Read the summed strengths that `write_firing` wrote.
 
     Args:
-        path: the file.
-        shape: of the result, ``[runs, labels of input 1, …, action labels]``.
+        path: the file to read.
+        shape: the shape of the result, ``[runs, labels of input 1, …, action labels]``.
 
     Raises:
-        OSError: the file can't be read.
-        ValueError: it isn't such a file, or has other rules. One line.
+        OSError: if the file can't be read.
+        ValueError: if the file has another format or another number of rules. One line.
     """
     rows = path.read_text(encoding="utf-8").splitlines()[1:]
     try:

@@ -1,4 +1,4 @@
-"""Labels that a job finds before it learns, and the gaps that labels leave."""
+"""Labels found by clustering before a job learns, and gaps between labels."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -26,22 +26,22 @@ from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.weights import load_checkpoint
 
 Choice = Callable[[TensorDictBase], TensorDictBase]
-"""Sets the action of every lane."""
+"""A function that sets the actions of a batch of states."""
 
 _LEAST = 0.1
-"""A mixture's components are no narrower than this share of the distance to a neighbour."""
+"""The least width of a mixture's component, as a share of the distance to its nearest neighbour."""
 
 
 def with_found_labels(jobs: Sequence[Job]) -> Sequence[Job]:
-    """The jobs of a batch with the labels that clustering finds, where they ask for that.
+    """Return the jobs of a batch, with found labels if ``value.membership`` is ``clustered``.
 
-    The states are the same whatever the jobs' seeds are, and so are the labels. In the resulting
-    configurations they stand as if given by hand.
+    The visited states and the labels don't depend on the jobs' seeds. The new configurations
+    contain the labels as if a user had given them.
 
     Raises:
-        ConfigError: scikit-learn isn't installed, there are fewer different states than labels, or
-            the job that they come from has other observations, or is damaged.
-        OSError: that job's checkpoint.pt can't be read.
+        ConfigError: if scikit-learn isn't installed, if there are fewer different states than
+            labels, or if the job of ``value.visited`` has other observations or is damaged.
+        OSError: if the checkpoint.pt of the job of ``value.visited`` can't be read.
     """
     config = jobs[0].config
     value = config.value
@@ -59,13 +59,16 @@ def with_found_labels(jobs: Sequence[Job]) -> Sequence[Job]:
 
 @torch.no_grad()
 def visited_states(config: Config) -> dict[str, NDArray[np.float64]]:
-    """The states of ``value.warm_up`` situations, by the observations' names, each ``[states]``.
+    """Return the states visited in ``value.warm_up`` situations.
 
-    The play is random or, with ``value.visited``, that of another job's runs, as they explored
-    while learning.
+    The actions are random. With ``value.visited``, they are instead those of another job's learned
+    runs, with that job's exploration.
+
+    Returns:
+        The values ``[states]`` of each observation, by its name.
 
     Raises:
-        ConfigError, OSError: as of :func:`with_found_labels`.
+        ConfigError, OSError: as in :func:`with_found_labels`.
     """
     lanes, visited = config.value.warm_up, config.value.visited
     choose = _random(config) if visited is None else _as(Path(visited), config, lanes)
@@ -97,7 +100,7 @@ def _random(config: Config) -> Choice:
 
 
 def _as(directory: Path, config: Config, lanes: int) -> Choice:
-    """What the runs of a finished job do, one after the other in as many lanes."""
+    """Return the exploring policy of a finished job; batch element i takes its run i mod runs."""
     try:
         checkpoint = load_checkpoint(directory / "checkpoint.pt")
         theirs = to_config(checkpoint.config)
@@ -106,8 +109,8 @@ def _as(directory: Path, config: Config, lanes: int) -> Choice:
     network = make_value_network(theirs.value, make_candidates(theirs), runs=1)
     if unknown := [name for name in network.in_keys if name not in config.env.observations]:
         raise ConfigError(
-            f"value.visited={directory}: its runs observe {unknown[0]}, which {config.env.kind} "
-            "doesn't offer"
+            f"value.visited={directory}: its runs observe {unknown[0]}, but {config.env.kind} "
+            "has no such observation"
         )
     run = torch.arange(lanes) % len(checkpoint.seed)
     weights = {name: weight[run].float() for name, weight in checkpoint.weights.items()}
@@ -120,21 +123,23 @@ def _as(directory: Path, config: Config, lanes: int) -> Choice:
 def find_labels(
     name: str, states: NDArray[np.float64], count: int, clustering: str
 ) -> list[Membership]:
-    """Gaussian labels at the clusters of one observation's values, rising.
+    """Return Gaussian labels at the clusters of one observation's values, by rising centre.
 
-    With k-means neighbours have the same membership, ½, halfway between them, if they are evenly
-    spaced; with a mixture of Gaussians the widths are those of its components.
+    The widths with ``kmeans`` follow from the mean distance to the neighbours: evenly spaced
+    neighbours have membership ½ halfway between their centres. The widths with ``mixture`` are the
+    components' standard deviations.
 
     Args:
-        name: the observation's, for messages.
-        states: its values, ``[states]``.
-        count: how many labels there are to be.
+        name: the observation's name, for messages.
+        states: the observation's values, ``[states]``.
+        count: the number of labels.
         clustering: ``kmeans`` or ``mixture``.
 
     Raises:
-        ConfigError: scikit-learn isn't installed, or there are fewer different values.
+        ConfigError: if scikit-learn isn't installed, or there are fewer different values than
+            ``count``.
     """
-    try:  # which only few need
+    try:  # an optional dependency
         from sklearn.cluster import KMeans
         from sklearn.mixture import GaussianMixture
     except ImportError as error:
@@ -143,8 +148,8 @@ def find_labels(
         ) from error
     if (different := len(np.unique(states))) < count:
         raise ConfigError(
-            f"value.labels_of_input={count}: must be at most {different}, as many different values "
-            f"as {name} had in the states that were visited"
+            f"value.labels_of_input={count}: must be at most {different}, the number of different "
+            f"values of {name} in the visited states"
         )
     column = states.reshape(-1, 1)
     if clustering == "kmeans":
@@ -157,7 +162,7 @@ def find_labels(
         centres = mixture.means_[order, 0]
         widths = np.sqrt(mixture.covariances_[order, 0, 0])
         widths = np.maximum(widths, _LEAST * _spacing(centres, states, np.min))
-    # Rounded, since the last bits depend on the number of threads.
+    # The numbers are rounded because their last bits depend on the number of threads.
     pairs = zip(centres.tolist(), widths.tolist(), strict=True)
     return [("gaussian", (_rounded(centre), _rounded(width))) for centre, width in pairs]
 
@@ -167,7 +172,10 @@ def _spacing(
     states: NDArray[np.float64],
     of_both: Callable[[NDArray[np.float64]], np.float64],
 ) -> NDArray[np.float64]:
-    """The distance of each centre from its neighbours; of a single one, twice the spread."""
+    """Return each centre's mean or least distance to its neighbours.
+
+    A single centre gets twice the standard deviation of the states.
+    """
     if len(centres) == 1:
         return np.array([2 * states.std()])
     gaps = np.diff(centres)
@@ -179,7 +187,7 @@ def _rounded(number: float) -> float:
 
 
 def gaps_in_words(config: Config) -> str | None:
-    """One line on the parts of the ranges where no label fires; None if there are none."""
+    """Return a line that lists the ranges in which no label fires; None if there are none."""
     if not isinstance(config.value, LabelsConfig):
         return None
     told = []
@@ -189,5 +197,5 @@ def gaps_in_words(config: Config) -> str | None:
     if not told:
         return None
     nearest = config.value.elsewhere == "nearest"
-    fires = "the nearest label does" if nearest else "the value is 0"
+    fires = "the nearest label fires" if nearest else "the value is 0"
     return f"no label fires at {', '.join(told)}: there {fires} (value.elsewhere)"

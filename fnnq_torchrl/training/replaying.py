@@ -1,4 +1,4 @@
-"""What a learned controller would have done, row by row of recorded sensor readings."""
+"""The actions of a learned controller for each row of recorded sensor readings."""
 
 import csv
 from collections.abc import Sequence
@@ -15,30 +15,31 @@ from fnnq_torchrl.agent.values import ValueNetwork
 from fnnq_torchrl.config.schema import Config, ConfigError
 
 Rows = list[dict[str, str]]
-"""A log: each row by the names of its columns, as it stands in the file."""
+"""The rows of a log, each a mapping from column names to the texts in the file."""
 
 
 def read_log(path: Path, names: Sequence[str]) -> Rows:
     """Read a CSV file with a header.
 
     Args:
-        path: the file.
-        names: the columns that it must have; it may have others.
+        path: the file to read.
+        names: the columns of finite numbers that the file must have; other columns are allowed.
 
     Raises:
-        ConfigError: a column is missing or a reading is no finite number; says where.
-        OSError: the file can't be read.
+        ConfigError: if a column is missing, there is no row, or a reading isn't a finite number.
+            The message names the place.
+        OSError: if the file can't be read.
     """
     with open(path, newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
         columns = reader.fieldnames or []
         if missing := [name for name in names if name not in columns]:
             raise ConfigError(
-                f"{path}: there is no column {missing[0]}; the controller wants {', '.join(names)}"
+                f"{path}: there is no column {missing[0]}; the controller needs {', '.join(names)}"
             )
         rows = [*reader]
     if not rows:
-        raise ConfigError(f"{path}: there is no row")
+        raise ConfigError(f"{path}: there is no row of readings")
     for number, row in enumerate(rows, start=2):
         for name in names:
             try:
@@ -52,11 +53,11 @@ def read_log(path: Path, names: Sequence[str]) -> Rows:
 
 @torch.no_grad()
 def greedy_actions(network: ValueNetwork, rows: Rows) -> list[float]:
-    """Return the best candidate in each row, the first of several.
+    """Return the action with the highest value in each row; the first if several are equal.
 
     Args:
-        network: of a single run.
-        rows: with a column for each of its inputs.
+        network: the value network of a single run.
+        rows: the log, with a column for each input of the network.
     """
     like = network.candidates
     seen = [
@@ -69,13 +70,13 @@ def greedy_actions(network: ValueNetwork, rows: Rows) -> list[float]:
 
 
 def write_actions(file: TextIO, config: Config, rows: Rows, actions: Sequence[float]) -> None:
-    """Write the log again, with what the controller does in each row.
+    """Write the log with a further column ``action``, and for robots both wheels' speeds in m/s.
 
     Args:
-        file: where.
-        config: the job's. Of the robot's worlds there are the wheels' speeds in m/s, too.
+        file: the open file to write to.
+        config: the job's configuration.
         rows: the log.
-        actions: one a row.
+        actions: the action of each row.
     """
     named = [{"action": action} | _wheels(config, action) for action in actions]
     writer = csv.DictWriter(file, [*rows[0], *named[0]], extrasaction="ignore")
@@ -84,7 +85,7 @@ def write_actions(file: TextIO, config: Config, rows: Rows, actions: Sequence[fl
 
 
 def _wheels(config: Config, action: float) -> dict[str, float]:
-    """Return both wheels' speeds, if the world's robot has wheels."""
+    """Return both wheels' speeds in m/s; nothing if the world has no robot with wheels."""
     world = config.env
     if isinstance(world, SceneConfig):
         speed_mps = world.robot.speed_mps

@@ -1,4 +1,4 @@
-"""Where learning starts: what is known before it, as consequents (``conf/rules/``)."""
+"""The consequents that learning starts from, by the prior knowledge of ``conf/rules/``."""
 
 import hashlib
 from dataclasses import dataclass
@@ -17,19 +17,19 @@ from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.training.policies import load_rules
 
 _SHIPPED = "rules"
-"""The folder of conf/ that has files of rules and of demonstrations."""
+"""The folder in ``conf/`` with the shipped files of rules and demonstrations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """What the runs of a job start from, all of them the same.
+    """The common start of all runs of a job.
 
     Attributes:
-        consequents: float64 ``[labels of input 1, …, action labels]``.
-        learns: 1 for each rule that learns, 0 for each that stays as it is, as the consequents;
-            none if all learn.
-        digest: tells the contents of the files that were read from others.
-        told: a line for the user on what came of imitation; empty without any.
+        consequents: the first consequents, float64 ``[labels of input 1, …, action labels]``.
+        learns: 1 for each rule that learns and 0 for each frozen rule, shaped as
+            ``consequents``; None if all rules learn.
+        digest: the SHA-256 digest of the files that were read.
+        told: a line for the user about the result of imitation; empty without imitation.
     """
 
     consequents: Tensor
@@ -39,22 +39,22 @@ class Start:
 
     @property
     def masks(self) -> dict[str, Tensor]:
-        """``learns`` by the name of the network's parameter; empty if all learn."""
+        """``learns`` by the name of the network's parameter; empty if all rules learn."""
         return {} if self.learns is None else {"weight": self.learns}
 
     def put_into(self, network: ValueNetwork) -> None:
-        """Have the network's runs start from here."""
+        """Copy the consequents to all runs of a network."""
         with torch.no_grad():
             weight = network.get_parameter("weight")
             weight.copy_(self.consequents.expand_as(weight))
 
 
 def read_start(config: Config) -> Start | None:
-    """Read what is known before learning; none if that is nothing.
+    """Read the prior knowledge that a configuration names; None if it names none.
 
     Raises:
-        ConfigError: a file isn't there, has a mistake, or is about other rules. One line.
-        OSError: a file can't be read.
+        ConfigError: if a file is missing, has a mistake, or is about other rules. One line.
+        OSError: if a file can't be read.
     """
     rules = config.rules
     if rules is None or (rules.prior is None and rules.demonstrations is None and not rules.frozen):
@@ -83,8 +83,8 @@ def read_start(config: Config) -> Start | None:
         consequents = _hopeful(consequents, imitation.weights.squeeze(0), learns, rules.margin)
         told = (
             f"imitation: the best action is the operator's in {imitation.agreement:.0%} of "
-            f"{len(demonstrations.actions):,} steps, and {imitation.mean_difference:.2f} from it "
-            "in the mean"
+            f"{len(demonstrations.actions):,} steps; the mean difference between the two is "
+            f"{imitation.mean_difference:.2f}"
         )
     digest = hashlib.sha256(b"".join(hashlib.sha256(each).digest() for each in contents))
     return Start(consequents, learns, digest.hexdigest(), told)
@@ -100,11 +100,11 @@ def _learns(config: Config, consequents: Tensor) -> Tensor | None:
 
 
 def _hopeful(before: Tensor, fitted: Tensor, learns: Tensor | None, margin: float) -> Tensor:
-    """Have the best action label of each state be worth the margin, as in a told controller.
+    """Shift fitted consequents so that each state's best action label has the value ``margin``.
 
-    A number that is added to all rules of a state changes no choice, so that an operator has no
-    say in it; but values that are too low make learning turn away from what was imitated. States
-    of which something was known before, or where a rule stays, are left as they are.
+    Adding a number to all rules of a state changes no greedy action, so demonstrations don't
+    determine this number. But if the values are too low, learning turns away from the imitated
+    actions. States with prior values or frozen rules aren't shifted.
     """
     free = (before == 0).all(-1, keepdim=True)
     if learns is not None:
@@ -113,19 +113,21 @@ def _hopeful(before: Tensor, fitted: Tensor, learns: Tensor | None, margin: floa
 
 
 def _find(key: str, name: str) -> Path:
-    """The file or directory of a name: of conf/rules/ if it is there and the name is no path."""
+    """Return the path that a key names; a bare file name is first looked up in conf/rules/."""
     shipped = config_directory() / _SHIPPED
     path = Path(name)
     if path.name == name and (shipped / name).is_file():
         return shipped / name
     if not path.exists():
         known = sorted(each.name for each in shipped.iterdir() if each.suffix != ".yaml")
-        raise RulesError(f"{key}={name}: there is no such file; there is {', '.join(known)}")
+        raise RulesError(f"{key}={name}: there is no such file; shipped files: {', '.join(known)}")
     return path
 
 
 def _bytes_of_job(directory: Path) -> bytes:
     checkpoint = directory / "checkpoint.pt"
     if not checkpoint.is_file():
-        raise RulesError(f"rules.prior={directory}: has no checkpoint.pt, so it is no finished job")
+        raise RulesError(
+            f"rules.prior={directory}: has no checkpoint.pt, so it isn't a finished job"
+        )
     return checkpoint.read_bytes()

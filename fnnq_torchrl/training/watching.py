@@ -1,4 +1,4 @@
-"""A finished job's test, played again to be looked at: the same situations, step by step."""
+"""Replays of a finished job's test situations, and pictures of them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,36 +17,40 @@ from fnnq_torchrl.training.evaluation import FIRST_EPISODE, GreedyTest
 from fnnq_torchrl.training.weights import Checkpoint
 
 Film = list[Shot]
-"""The shots of a situation, one a step, the last of them its end."""
+"""The shots of a situation: its start and every step up to its end."""
 
 FRAME_S = 0.1
-"""As long as a frame is shown, in s."""
+"""The duration of a frame, in s."""
 
 
 @torch.no_grad()
 def play(
     config: Config, checkpoint: Checkpoint, seeds: Sequence[int], situations: int, *, learned: bool
 ) -> list[list[Film]]:
-    """Play the first situations of the last test that a job's runs had, or of the first one.
+    """Replay the first situations of a job's last test, or of its test before learning.
 
-    They are those of evaluations.csv, random numbers and all.
+    The situations are those that evaluations.csv counts, with the same random numbers.
 
     Args:
-        config: the job's.
-        checkpoint: what it has learned.
-        seeds: of the runs to be played.
-        situations: how many of the test's, from the first.
-        learned: with what they have learned at the end, or as they began.
+        config: the job's configuration.
+        checkpoint: the job's checkpoint.
+        seeds: the seeds of the runs to replay.
+        situations: the number of situations to replay.
+        learned: whether to replay the last test, with the learned weights; otherwise the first
+            test, with the weights before learning.
 
     Returns:
         For each seed, the films of its situations.
 
     Raises:
-        ConfigError: there is no such run, or its world has no picture.
+        ConfigError: if there is no run with one of the seeds.
+        TypeError: if the job's world isn't one of the robot's worlds.
     """
     known = checkpoint.seed.tolist()
     if missing := [seed for seed in seeds if seed not in known]:
-        raise ConfigError(f"seed={missing[0]}: must be a run of the job, {known[0]} to {known[-1]}")
+        raise ConfigError(
+            f"seed={missing[0]}: must be a seed of the job, {known[0]} to {known[-1]}"
+        )
     dtype = getattr(torch, config.machine.dtype)
     lanes = len(seeds) * situations
     network = make_value_network(config.value, make_candidates(config, dtype), lanes)
@@ -73,7 +77,7 @@ def play(
 def _films(
     env: PureEnv, test: GreedyTest, world: TensorDict, weights: dict[str, torch.Tensor]
 ) -> list[Film]:
-    """Play until every situation is over."""
+    """Play every situation to its end and return the films."""
     never = torch.zeros_like(world["chance"])
     no = torch.zeros_like(never, dtype=torch.bool)
     stays = TensorDict({"weights": weights, "epsilon": never}, world.batch_size)
@@ -111,15 +115,15 @@ def write_gif(
     every: int,
     columns: int | None = None,
 ) -> None:
-    """Write a moving picture of situations side by side, atomically.
+    """Write an animated GIF with a panel for each film, atomically.
 
     Args:
-        films: one a panel; those that end sooner stay at their end.
-        titles: of the panels.
+        films: the film of each panel; a shorter film stays at its last shot.
+        titles: the titles of the panels.
         path: the file to write.
-        size_px: width of a panel.
-        every: steps from one frame to the next.
-        columns: panels side by side; about as many as rows by default.
+        size_px: the width of a panel.
+        every: the number of steps from one frame to the next.
+        columns: the number of columns; by default about the number of rows.
     """
     canvas = Canvas(len(films), size_px, titles, columns)
     last = max(map(len, films)) - 1
@@ -127,7 +131,7 @@ def write_gif(
     frames = [
         Image.fromarray(canvas.draw([film[: moment + 1] for film in films])) for moment in moments
     ]
-    # The colours of the last frame, which has all there are, for every one: less flicker and bytes.
+    # One palette for all frames means less flicker and fewer bytes. The last frame has all colours.
     palette = frames[-1].quantize(
         _COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
     )
@@ -139,14 +143,14 @@ def write_gif(
 
 
 def write_strip(film: Film, title: str, path: Path, *, size_px: int, stills: int = 5) -> None:
-    """Write stills of one situation side by side, from its start to its end, atomically.
+    """Write a PNG of stills side by side, from a situation's start to its end, atomically.
 
     Args:
-        film: its shots.
-        title: of the first still.
-        path: the PNG to write.
-        size_px: width of a still.
-        stills: how many.
+        film: the shots of the situation.
+        title: the title of the first still.
+        path: the file to write.
+        size_px: the width of a still.
+        stills: the number of stills, at least 2.
     """
     canvas = Canvas(stills, size_px, [title] + [" "] * (stills - 1), columns=stills)
     moments = [round(number * (len(film) - 1) / (stills - 1)) for number in range(stills)]
@@ -156,4 +160,4 @@ def write_strip(film: Film, title: str, path: Path, *, size_px: int, stills: int
 
 
 _COLOURS = 64
-_PAUSE_MS = 1500  # at the end
+_PAUSE_MS = 1500  # duration of the last frame

@@ -50,7 +50,7 @@ def test_the_configuration_says_which():
 @pytest.mark.parametrize(
     ("rules", "line"),
     [
-        ("[[bearing]]", "must be groups with every input, sonar_left_m too"),
+        ("[[bearing]]", "must be groups that include every input, also sonar_left_m"),
         ("[[ball]]", "must be groups of the inputs: bearing, sonar_left_m, sonar_front_m, "),
         ("[[]]", "must be a list of groups [name, …] of different names, or null"),
         ("[[bearing,bearing]]", "must be a list of groups [name, …] of different names, or null"),

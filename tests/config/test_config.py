@@ -231,8 +231,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             "value.inputs=null",
-            "value.inputs=None: must be labels, or null where value.membership is even or "
-            "clustered",
+            "value.inputs=None: must be labels, or null if value.membership is even or clustered",
         ),
         (
             ["value.learn_memberships=true", "value.action=[{bell: [0, 1, 2]}]"],

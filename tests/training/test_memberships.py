@@ -74,7 +74,7 @@ def test_a_damaged_source_of_states_is_one_line(tmp_path: Path) -> None:
 
 
 def test_more_labels_than_states_are_refused() -> None:
-    with pytest.raises(ConfigError, match=r"^value\.labels_of_input=3: must be at most 2, as many"):
+    with pytest.raises(ConfigError, match=r"^value\.labels_of_input=3: must be at most 2, the"):
         find_labels("bearing", np.array([0.0, 1.0, 1.0]), 3, "kmeans")
 
 
@@ -105,7 +105,7 @@ def test_gaps_are_told_in_one_line() -> None:
     told = gaps_in_words(config(triangles))
     assert told is not None
     assert re.fullmatch(
-        r"no label fires at bearing 0\S* to 0\.1, bearing 1: there the nearest label does "
+        r"no label fires at bearing 0\S* to 0\.1, bearing 1: there the nearest label fires "
         r"\(value\.elsewhere\)",
         told,
     )

@@ -48,7 +48,7 @@ def test_it_writes_the_policys_actions(
 @pytest.mark.parametrize(
     ("text", "words", "line"),
     [
-        ("time,bering\n1,2\n", (), "there is no column bearing; the controller wants bearing"),
+        ("time,bering\n1,2\n", (), "there is no column bearing; the controller needs bearing"),
         ("bearing\n0.1\nx\n", (), "line 3: bearing=x: must be a number"),
         ("bearing\ninf\n", (), "line 2: bearing=inf: must be a number"),
         ("bearing\n", (), "there is no row"),

@@ -138,12 +138,12 @@ def test_a_saved_count_goes_on(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
-        (("rules.prior=rogh.txt",), "no such file; there is hopeful.txt, operator.csv, rough.txt"),
+        (("rules.prior=rogh.txt",), "no such file; shipped files: hopeful.txt, operator.csv"),
         (("rules.prior=.",), "has no checkpoint.pt"),
         (("rules.prior=bad.txt",), "bad.txt:2:35: 'hard_lft': no such label of steer; did you"),
         (("rules.prior=rules.csv",), "can't be read by its ending"),
         (("rules.demonstrations=rules.csv",), "rules.csv:2:1: steer 'left': expected a finite"),
-        (("rules.frozen=[left/upwards]",), "a rule as far_right/hard_left, upwards one of hard_"),
+        (("rules.frozen=[left/upwards]",), "a rule such as far_right/hard_left, with one of hard_"),
         (("rules.frozen=[lft]",), "did you mean left?"),
         (("rules.frozen=[left/left/left]",), "at most 2 labels joined by /"),
         (("rules=rough", "value=rbf"), "value.kind=rbf: must be fnnq"),

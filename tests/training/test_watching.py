@@ -61,8 +61,8 @@ def test_the_command_leaves_a_moving_picture_and_stills(
         (("run=x", "seeds=1"), "seeds=1: did you mean seed=…?"),
         (("run=x", "when=now"), "when=now: must be after or before or both"),
         (("run=x", "every=0"), "every=0: must be a whole number >= 1"),
-        (("run=JOB", "seed=7"), "seed=7: must be a run of the job, 0 to 1"),
-        (("run=JOB", "situations=9"), "situations=9: must be at most 5, the test's"),
+        (("run=JOB", "seed=7"), "seed=7: must be a seed of the job, 0 to 1"),
+        (("run=JOB", "situations=9"), "situations=9: must be at most 5, the size of the test"),
     ],
 )
 def test_mistakes_are_told_in_one_line(

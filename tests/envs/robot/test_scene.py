@@ -39,7 +39,7 @@ LINES = {
         "env.obstacles[0].centre_m=[1, 0]: must be clear of where balls[0] starts"
     ),
     "env.obstacles=[{shape: disc, number: 2, centre_m: [1, 1], radius_m: 0.3}]": (
-        "env.obstacles[0].number=2: must be 1 where nothing of it is drawn"
+        "env.obstacles[0].number=2: must be 1 unless its centre, radius or heading is a range"
     ),
     "env.obstacles=[{shape: disc, number: 1, centre_m: [4, 1], radius_m: 0.3}]": (
         "env.obstacles[0].centre_m=[4, 1]: must be within the field of 6 m x 6 m"
@@ -53,7 +53,7 @@ LINES = {
     ),
     "env.robot.radius_m=-1": "env.robot.radius_m=-1.0: must be a number in (0, inf)",
     "env.robot.collision=bounce": "env.robot.collision=bounce: must be stop or end",
-    "env.balls=[]": "env.sensors.vision.kinds=ball: must be kinds of balls that there are: none",
+    "env.balls=[]": "env.sensors.vision.kinds=ball: must be kinds of balls in the scene: none",
     "env.balls=[{kind: ball, radius_m: 0.1, paths: [{path: spiral}]}]": (
         "env.balls[0].paths[0].path=spiral: must be circle or line or still or waypoints"
     ),
@@ -71,7 +71,7 @@ LINES = {
         "env.sensors.sonar.groups.sonar_left_m=[8]: must be numbers of sonars, 0 to 7"
     ),
     "env.sensors.vision.kinds=[goal]": (
-        "env.sensors.vision.kinds=goal: must be kinds of balls that there are: ball"
+        "env.sensors.vision.kinds=goal: must be kinds of balls in the scene: ball"
     ),
     "env.sensors.sonar.beam=15": "env.sensors.sonar.beam=15: there is no env.sensors.sonar.beam",
 }
