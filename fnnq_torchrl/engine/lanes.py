@@ -35,8 +35,8 @@ def repeat_last(values: Values, lanes: int) -> Values:
 def lanes_for(jobs: int, workers: int, most: int) -> int:
     """Return the number of lanes of each worker.
 
-    It lets all jobs run at once, up to ``most``. It is rounded up to one of four sizes per doubling,
-    because a loop may be compiled for one number of lanes and is cached by it.
+    It lets all jobs run at once, up to ``most``. It is rounded up to one of four sizes per
+    doubling, because a loop may be compiled for one number of lanes and is cached by it.
 
     Args:
         jobs: the number of jobs.

@@ -67,7 +67,7 @@ def _writable(home: str) -> Path:
             return directory
     except (OSError, RuntimeError) as error:  # without a home there is no ~
         _log.info(
-            "compiled programs can't be cached: %s; set XDG_CACHE_HOME to a writable directory", error
+            "compiled programs aren't cached: %s; set XDG_CACHE_HOME to a writable directory", error
         )
         return Path(_for_this_process().name)
 
