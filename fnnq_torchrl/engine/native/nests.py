@@ -69,7 +69,7 @@ class Nests:
 
 
 def operands(node: Node) -> list[tuple[Expression, frozenset[Axis]]]:
-    """Return the expressions that a node reads, and the axes along which it reads across iterations."""
+    """Return what a node reads, each with the axes along which it reads across iterations."""
     if isinstance(node, Write):
         return _resolved(node.value)
     bound = frozenset([node.args[1]]) if node.op == "pick" else frozenset[Axis]()
@@ -219,7 +219,7 @@ class _Arrangement:
                 self._free[value] = None
 
     def _next(self, axes: Sequence[Axis], depth: int, stack: tuple[Loop, ...]) -> Axis:
-        """Choose the loop to open next: the one that gains fewest nodes by waiting for the others."""
+        """Choose the loop to open next: the one that gains least by waiting for the others."""
         if len(axes) == 1:
             return axes[0]
         prefix = tuple(loop.axis for loop in stack[1:])
