@@ -112,7 +112,7 @@ def distil(
 
 
 def _stretches(x: Tensor, actions: Tensor, greedy: Callable[[Tensor], Tensor]) -> list[Stretch]:
-    """Return the intervals of equal greedy action; bisection between grid points finds their ends."""
+    """Return the intervals of equal greedy action, with ends found by bisection between points."""
     changes = (actions[1:] != actions[:-1]).nonzero().flatten()
     low, high = x[changes].clone(), x[changes + 1].clone()
     before = actions[changes]

@@ -20,7 +20,7 @@ READERS: dict[str, Callable[[str, str], tuple[FuzzySystem, Candidates]]] = {
     ".json": json_file.read,
     ".txt": sentences.read,
 }
-"""By ending: ``read(text, file)``, with the file's name for messages, returns system and candidates."""
+"""The readers by ending: ``read(text, file)`` returns the system and its candidates."""
 
 Files = dict[str, bytes]
 """The contents of the files to write, by ending."""
