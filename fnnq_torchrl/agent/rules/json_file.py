@@ -15,7 +15,7 @@ FORMAT = "rules of fnnq_torchrl, 1"
 
 
 def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
-    """Return a system as JSON; arguments as in :func:`.sentences.write`. An infinite bound is null."""
+    """Return JSON, with null for an infinite bound; arguments as in :func:`.sentences.write`."""
     content = {
         "format": FORMAT,
         "inputs": [

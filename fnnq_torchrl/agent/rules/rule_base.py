@@ -137,7 +137,7 @@ class RuleBase(FuzzySystem):
         return self.evaluate(torch.cat([each, actions], dim=-1))
 
     def _of(self, inputs: tuple[Variable, ...]) -> FuzzySystem:
-        """Return a system of some of the inputs, with zero consequents, for its firing strengths."""
+        """Return a system of some of the inputs, used for its firing strengths alone."""
         zeros = torch.zeros([len(each.labels) for each in inputs], dtype=torch.float64)
         return FuzzySystem(inputs, self.output, zeros, self.t_norm, self.elsewhere)
 
