@@ -101,7 +101,7 @@ class Variable:
         return _stretches(x.tolist(), silent.tolist())
 
     def span(self) -> tuple[float, float]:
-        """Return the range, with an infinite end replaced by the outermost label's middle and a margin."""
+        """Return the range; an infinite end becomes the outermost label's middle plus a margin."""
         inside = [label.function.middle(label.parameters) for label in self.labels]
         margin = (max(inside) - min(inside)) / 2 or 1.0
         low = self.low if self.low > -inf else min(*inside, self.high) - margin

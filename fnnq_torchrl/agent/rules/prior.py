@@ -119,7 +119,7 @@ def _places(consequents: Tensor) -> list[list[int]]:
 
 
 def _same(system: FuzzySystem, variables: Sequence[Variable]) -> bool:
-    """Return whether a system has these inputs, up to the changes of names by :func:`.fit_words`."""
+    """Return whether a system has these inputs; names are compared after :func:`.fit_words`."""
     return _fitted(system.inputs) == _fitted(variables)
 
 

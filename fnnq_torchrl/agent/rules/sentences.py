@@ -201,7 +201,7 @@ class _Words:
         return [self._premise[variable.name] for variable in due]
 
     def action(self, variable: Variable) -> float:
-        """Read the action at the end of the line: a number, or a label, which stands for its middle."""
+        """Read the action at the end of the line, a number or a label; a label means its middle."""
         if re.match(r"[-+.\d]", self.tokens.peek()):
             return self.number()
         word = self.tokens.one_of(variable.names, f"label of {variable.name}")

@@ -68,7 +68,7 @@ class FuzzySystem:
         return tuple(len(variable.labels) for variable in self.inputs)
 
     def firing(self, points: Tensor) -> Tensor:
-        """Return the rules' normalised firing strengths σᵢ/Σσ, which sum to 1, or to 0 if none fires.
+        """Return the rules' normalised firing strengths σᵢ/Σσ; they sum to 1, or to 0 if none fires.
 
         Args:
             points: one number for each input, ``[*points, inputs]``.
@@ -124,7 +124,7 @@ class FuzzySystem:
         return zip(every, self.consequents.flatten().tolist(), strict=True)
 
     def table(self) -> list[dict[str, Any]]:
-        """Return a row for each rule: the label's name for each input, and the number for the output."""
+        """Return a row for each rule: each input's label by its name, and the output's number."""
         names = [variable.name for variable in self.inputs]
         return [
             dict(zip(names, (label.name for label in labels), strict=True)) | {self.output: value}
@@ -183,8 +183,7 @@ def check_size(shape: Sequence[int]) -> None:
 
 
 def fit_names(system: FuzzySystem) -> FuzzySystem:
-    """Rename variables and labels by :func:`fit_words`, so that every format accepts their names.
-    """
+    """Rename variables and labels by :func:`fit_words`, so that every format accepts them."""
     *names, output = fit_words([*(variable.name for variable in system.inputs), system.output])
     inputs = [
         Variable(
