@@ -152,7 +152,7 @@ def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tens
 
 
 def weighed(consequents: Tensor, shares: Sequence[Tensor], batch: int) -> Tensor:
-    """Return each action label's consequent, averaged over the state inputs' labels by their shares.
+    """Return each action label's consequent in a state, weighted by the state labels' shares.
 
     Args:
         consequents, shares: as in :func:`defuzzify`.

@@ -25,7 +25,7 @@ def _rise(x: "Tensor", start: "Tensor", end: "Tensor") -> "Tensor":
 
 
 def _fall(x: "Tensor", start: "Tensor", end: "Tensor") -> "Tensor":
-    """Fall linearly from 1 at ``start`` to 0 at ``end``; jump to 0 beyond them if they are equal."""
+    """Fall linearly from 1 at ``start`` to 0 at ``end``; jump to 0 if they are equal."""
     return _rise(-x, -end, -start)
 
 
@@ -40,7 +40,7 @@ def gaussian(x: "Tensor", centre: "Tensor", width: "Tensor") -> "Tensor":
 
 
 def triangle(x: "Tensor", a: "Tensor", b: "Tensor", c: "Tensor") -> "Tensor":
-    """μ(x): 0 up to a, 1 at b, 0 from c on, linear between; a = b or b = c makes a vertical side."""
+    """μ(x): 0 up to a, 1 at b, 0 from c on, linear between; a = b or b = c is a vertical side."""
     return _rise(x, a, b).minimum(_fall(x, b, c))
 
 
@@ -127,7 +127,7 @@ class MembershipFunction:
     compact: bool = False
 
     def misfit(self, numbers: Sequence[float]) -> str | None:
-        """Check parameters; return the unmet condition in words that complete "must be", or None."""
+        """Return the condition that parameters violate, to complete "must be"; None if they fit."""
         if len(numbers) != len(self.parameters) or not all(map(isfinite, numbers)):
             return f"{len(self.parameters)} finite numbers [{', '.join(self.parameters)}]"
         given = dict(zip(self.parameters, numbers, strict=True))
@@ -146,7 +146,7 @@ class MembershipFunction:
         return (numbers[0], numbers[-1]) if self.compact else (-inf, inf)
 
     def middle(self, numbers: Sequence[float]) -> float:
-        """Return the middle of the highest part for given parameters; for a sigmoid, its inflection."""
+        """Return the middle of the part where μ is highest; for a sigmoid, its inflection."""
         tops = [
             number
             for name, number in zip(self.parameters, numbers, strict=True)
@@ -267,7 +267,7 @@ Membership = tuple[str, tuple[float, ...]]
 
 
 def rule_width(width: float, reading: str) -> float:
-    """Return σ from the second number of a label, which is either σ (``sigma``) or σ² (``variance``)."""
+    """Return σ for a label's second number, which is σ (``sigma``) or σ² (``variance``)."""
     return sqrt(width) if reading == "variance" else width
 
 

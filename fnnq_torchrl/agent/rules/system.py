@@ -68,7 +68,7 @@ class FuzzySystem:
         return tuple(len(variable.labels) for variable in self.inputs)
 
     def firing(self, points: Tensor) -> Tensor:
-        """Return the rules' normalised firing strengths σᵢ/Σσ; they sum to 1, or to 0 if none fires.
+        """Return the rules' normalised firing strengths σᵢ/Σσ. They sum to 1, or 0 if none fires.
 
         Args:
             points: one number for each input, ``[*points, inputs]``.
