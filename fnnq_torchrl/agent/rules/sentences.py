@@ -178,7 +178,7 @@ class _Words:
 
     @property
     def about_actions(self) -> bool:
-        """Whether the premise names the last variable."""
+        """True if the premise names the last variable."""
         return self._variables[-1].name in self._premise
 
     def output(self) -> tuple[str, Token]:
