@@ -1,4 +1,4 @@
-"""Imitation: consequents by which the best action is the one that an operator has chosen."""
+"""Imitation: fit consequents so that the best action is the one that an operator has chosen."""
 
 import csv
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ _MOST_STEPS = 500
 
 @dataclass(frozen=True, eq=False)
 class Demonstrations:
-    """What an operator saw and did.
+    """An operator's observations and actions.
 
     Attributes:
         states: float64 ``[steps, states]``.
@@ -38,13 +38,14 @@ class Demonstrations:
 
 @dataclass(frozen=True, eq=False)
 class Imitation:
-    """What came of a fit.
+    """The result of :func:`imitate`.
 
     Attributes:
-        weights: of the network, float64, of the shape that it has for a single run.
-        agreement: the share of the demonstrations in which the best candidate is the one that is
-            nearest to the operator's action.
-        mean_difference: between the best candidate and the operator's action.
+        weights: the network's fitted consequents, float64, in the shape of a single run.
+        agreement: the share of the demonstrations in which the best candidate is the one nearest
+            to the operator's action.
+        mean_difference: the mean absolute difference between the best candidate and the operator's
+            action.
     """
 
     weights: Tensor
@@ -53,15 +54,15 @@ class Imitation:
 
 
 def read_demonstrations(path: Path, variables: Sequence[Variable]) -> Demonstrations:
-    """Read demonstrations from a CSV file with a header; columns of other names are passed over.
+    """Read demonstrations from a CSV file with a header; other columns are ignored.
 
     Args:
         path: the file.
-        variables: the state inputs and, last, the action: each has a column of its name.
+        variables: the state inputs and, last, the action; the file has a column for each name.
 
     Raises:
-        OSError: the file can't be read.
-        RulesError: the place, and what is wrong there.
+        OSError: if the file can't be read.
+        RulesError: if the file has a mistake; the message gives the place.
     """
     rows = csv.reader(read_text(path).splitlines(), strict=True)
     names = [variable.name for variable in variables]
@@ -114,25 +115,27 @@ def imitate(
 ) -> Imitation:
     """Fit a network's consequents to demonstrations.
 
-    With k the candidate that is nearest to the operator's action, Δ(a) = margin · ((a − a_k)/d)²,
-    d the range of the candidates, and w₀ the consequents before, it minimises ::
+    Let a_k be the candidate nearest to the operator's action, Δ(a) = margin · ((a − a_k)/d)² with d
+    the range of the candidates, and w₀ the network's present consequents. The fit minimises ::
 
         mean over the steps of  log Σₐ exp(β(Q(s, a) + Δ(a) − Q(s, a_k))/margin) / β
             + ½ρ|(w − w₀)/margin|²
 
-    by L-BFGS from w₀: every candidate is to be worth less than the operator's by Δ. Q is linear in
-    w, so that there is a single minimum, whatever the order of the steps. β = 50 and ρ = 10⁻⁵ are
-    our choices: the loss is a smooth hinge, and values grow no further than the margins ask for.
+    by L-BFGS from w₀. The loss asks that each candidate be worth less than a_k by at least Δ(a). Q
+    is linear in w, so there is a single minimum, independent of the steps' order. β = 50 and
+    ρ = 10⁻⁵ are our choices: they make the loss a smooth hinge, and keep values from growing beyond
+    the margins.
 
     Source: the large-margin loss of T. Hester et al., "Deep Q-learning from demonstrations", AAAI
     2018, smoothed as by K. Gimpel, N. A. Smith, "Softmax-margin CRFs", NAACL 2010.
 
     Args:
-        network: of a single run, float64, linear in its only parameter, ``weight``; has w₀.
-        demonstrations: what to imitate.
-        margin: in units of Q.
-        learns: 1 for the consequents that are fitted and 0 for those that stay; all are if not
-            given.
+        network: a network of a single run, float64. Q must be linear in its only parameter,
+            ``weight``, which holds w₀.
+        demonstrations: the demonstrations to imitate.
+        margin: the margin of Δ, in units of Q.
+        learns: 1 for each consequent that is fitted and 0 for each that stays; all are fitted if
+            not given.
     """
     start = network.get_parameter("weight").detach().double()
     mask = torch.ones_like(start) if learns is None else learns.to(start).expand_as(start)
@@ -149,7 +152,7 @@ def imitate(
 
     @torch.enable_grad()
     def loss(moved: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        # In units of the margin, in which the numbers of the loss are near 1.
+        # In units of the margin, so that the optimiser sees numbers near 1.
         change = torch.from_numpy(moved).view_as(start).requires_grad_()
         q = values(start + margin * mask * change) / margin
         excess = torch.logsumexp(_SHARPNESS * (q + due - q.gather(-1, chosen)), -1) / _SHARPNESS

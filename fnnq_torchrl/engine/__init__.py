@@ -1,1 +1,1 @@
-"""How a step is run many times: eagerly, or as one native loop."""
+"""Engines that run a step many times: eagerly, or in one compiled loop."""

@@ -1,4 +1,4 @@
-"""The choice of an engine: Python runs the steps one by one, or a loop compiled from them does."""
+"""Choose the engine that runs the steps: eager Python, or a compiled loop."""
 
 import logging
 import os
@@ -25,23 +25,26 @@ from fnnq_torchrl.engine.threads import threads_for
 _log = logging.getLogger(__name__)
 
 _WORTH_COMPILING = {"cpu": 1_500, "cuda": 8_000}
-"""Steps of a loop from which on compiling pays: at 4 ms an eager step, six and thirty seconds."""
+"""The least number of steps for which compiling pays: 6 s (CPU) and 32 s (GPU) of eager steps at
+4 ms each."""
 
 _MEAN_SITUATION = 1 / 2
-"""The mean length of an episode as a share of the time limit: a guess."""
+"""The assumed mean length of an episode, as a share of the time limit."""
 
 
 @dataclass(frozen=True)
 class Engine:
-    """How to run steps, and on how many lanes.
+    """A way to run steps, with the number of threads and lanes that suit it.
+
+    A lane is the place of one run in a batch.
 
     Attributes:
         name: ``eager`` or ``compiled``.
-        why: which it is and why, in a line.
-        make_loop: makes loops of steps.
-        workers: threads that pay, each with lanes of its own. Eager steps have one: modules whose
-            weights are replaced for a call can't be shared.
-        most_lanes: more than so many at once are slower, since the cache doesn't hold them, or
+        why: one line for the log: the engine's name and the reason for choosing it.
+        make_loop: makes the loop that runs a step repeatedly.
+        workers: the number of threads, each with its own lanes. The eager engine has one, because
+            threads can't share a module whose weights are replaced during a call.
+        most_lanes: the most lanes per worker. More would overflow the cache, which is slower, or
             take too much memory.
     """
 
@@ -52,7 +55,11 @@ class Engine:
     most_lanes: int
 
     def threads(self, elements: int) -> AbstractContextManager[None]:
-        """Torch's own threads, for operations on so many elements, while this engine runs."""
+        """Return a context that sets torch's thread count for this engine.
+
+        Args:
+            elements: the size of the largest tensors in the block.
+        """
         return threads_for(elements if self.name == "eager" else 0)
 
 
@@ -62,11 +69,11 @@ def choose_engine(config: Config, runs: int) -> Engine:
     ``engine=auto`` compares the work ahead with the time that compiling takes.
 
     Args:
-        config: of the batch.
-        runs: how many there are.
+        config: the configuration of the batch.
+        runs: the number of runs.
 
     Raises:
-        ConfigError: it is to compile, and there is no C++ compiler.
+        ConfigError: if ``engine=compiled`` and there is no working C++ compiler.
     """
     device = torch.device(config.machine.device)
     if config.engine != "auto":
@@ -83,15 +90,15 @@ def choose_engine(config: Config, runs: int) -> Engine:
 
 
 def make_engine(name: str, device: torch.device, why: str = "") -> Engine:
-    """Return the engine of that name.
+    """Return the engine with a given name.
 
     Args:
         name: ``eager`` or ``compiled``.
-        device: where the tensors are.
-        why: a line that says why it is this one.
+        device: the tensors' device.
+        why: one line for the log: the reason for choosing this engine.
 
     Raises:
-        ConfigError: it compiles, and there is no C++ compiler.
+        ConfigError: if ``name`` is ``compiled`` and there is no working C++ compiler.
     """
     if name == "eager":
         return Engine(name, why, EagerLoop, workers=1, most_lanes=2**14)
@@ -106,15 +113,15 @@ def make_engine(name: str, device: torch.device, why: str = "") -> Engine:
 
 
 def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
-    """Written out or, if the step has an operation that can't be, compiled by Inductor."""
+    """Compile a step to C++, or with TorchInductor if it has an operation we can't translate."""
     try:
         return NativeLoop(make_step, stays, state)
     except RunsMixed as error:
         raise ConfigError(f"engine=compiled: {error}") from error
     except (DataDependentOutputException, GuardOnDataDependentSymNode) as error:
         raise ConfigError(
-            "engine=compiled: a world or a value function looks at its data, as if does; "
-            "torch.where doesn't, and engine=eager takes it as it is"
+            "engine=compiled: a world or a value function looks at its data, for example "
+            "with if; write torch.where instead, or take engine=eager"
         ) from error
     except Unsupported as error:
         why, *_ = str(error).splitlines()
@@ -123,10 +130,10 @@ def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBa
 
 
 def _inductor_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
-    # Where later jobs find it: torch's own default is a temporary directory. By processor, since
-    # machines may share a home, and torch takes one's programs for another's.
+    # Torch's default is a temporary directory, which later jobs wouldn't find. Each kind of
+    # processor has its own: machines may share a home, and torch doesn't tell their programs apart.
     cache = cache_directory() / "inductor" / torch.backends.cpu.get_cpu_capability()
     os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(cache))
-    from fnnq_torchrl.engine.inductor import InductorLoop  # not before: it takes long to import
+    from fnnq_torchrl.engine.inductor import InductorLoop  # here, since importing it is slow
 
     return InductorLoop(make_step, stays, state)

@@ -1,4 +1,7 @@
-"""A step as one graph of tensor operations, and TensorDicts as flat tensors."""
+"""Trace a step into one graph of tensor operations, and flatten TensorDicts into tensors.
+
+A leaf is one tensor of a flattened TensorDict.
+"""
 
 from itertools import accumulate
 from typing import Any
@@ -17,17 +20,23 @@ _COMPOSITE = "_log_softmax _softmax addmm elu gelu hardtanh leaky_relu native_la
 
 
 def trace(step: Step, stays: TensorDictBase, state: TensorDictBase) -> GraphModule:
-    """The step as a graph from and to leaves, gradients included.
+    """Trace a step, gradients included, into a graph whose inputs and outputs are plain tensors.
 
-    TensorDicts and modules are gone from it. The step's Python runs once; where it would look at
-    data, it is refused.
+    The graph contains no TensorDicts and no modules. The step's Python code runs once, on fake
+    tensors, so it must not branch on their data.
+
+    Args:
+        step: the function to trace.
+        stays: an example of the tensors that steps read and don't change.
+        state: an example of the tensors that a step replaces.
 
     Returns:
-        Takes the leaves of what stays, then those of the state; returns the state's next ones.
+        A graph that takes the leaves of ``stays`` and then those of ``state``, and returns the
+        leaves of the next state.
 
     Raises:
-        RuntimeError: the step's Python looks at data.
-        ValueError: the step's result has other entries than its state, or of another kind.
+        RuntimeError: if the step's Python code branches on data.
+        ValueError: if the next state differs from ``state`` in its keys, shapes or dtypes.
     """
     fixed, carried = leaves(stays), leaves(state)
 
@@ -70,16 +79,19 @@ def _check_alike(before: dict[str, Tensor], after: dict[str, Tensor]) -> None:
 
 
 def _cumsum(tensor: Tensor, dim: int, *, dtype: torch.dtype | None = None) -> Tensor:
-    """Additions, which are fused with what is around them."""
+    """The cumulative sum as single additions, which fuse with neighbouring operations."""
     whole = not (tensor.is_floating_point() or tensor.is_complex())
     dtype = dtype or (torch.int64 if whole else tensor.dtype)
     return torch.stack([*accumulate(tensor.to(dtype).unbind(dim))], dim)
 
 
 def leaves(tree: TensorDictBase) -> dict[str, Tensor]:
-    """Copies of a TensorDict's tensors by their paths, in order, the runs last in memory too.
+    """Return contiguous copies of a TensorDict's tensors, with the runs as the last dimension.
 
-    Copies, because what a loop carries may share memory with nothing, from one step to the next.
+    They are copies because the tensors that a loop carries from step to step must not share memory.
+
+    Returns:
+        The tensors by path (``"a/b"``), sorted by path.
     """
     flat = tree.flatten_keys("/")
     return {
@@ -89,6 +101,11 @@ def leaves(tree: TensorDictBase) -> dict[str, Tensor]:
 
 
 def nested(leaves: dict[str, Tensor], like: TensorDictBase) -> TensorDict:
-    """Leaves as a TensorDict with the runs first, of the batch size and device of another."""
+    """Return leaves as a TensorDict with the runs first; the inverse of :func:`leaves`.
+
+    Args:
+        leaves: the tensors by path, with the runs as the last dimension.
+        like: the TensorDict that gives the batch size and the device.
+    """
     first = {key: runs_first(leaf) for key, leaf in leaves.items()}
     return TensorDict(first, like.batch_size, device=like.device).unflatten_keys("/")

@@ -1,4 +1,4 @@
-"""A loop of steps compiled by TorchInductor: for GPUs, and for operations such as sorting."""
+"""A loop compiled by TorchInductor, for GPUs and for steps that the native compiler can't take."""
 
 from collections.abc import Callable
 from typing import Any
@@ -18,33 +18,33 @@ from fnnq_torchrl.engine.loops import MakeStep, Running
 from fnnq_torchrl.engine.threads import subnormals_flushed
 
 _OPTIONS: dict[str, str | int | bool | Callable[..., Any]] = {
-    "cpp_wrapper": True,  # the loop itself in C++, which also lets other threads go on
-    "cpp.threads": 1,  # within a slice of the runs: the threads take a slice each
-    "unroll_reductions_threshold": 64,  # sums over rules and candidates, into loops over the runs
-    # What is read again for every rule or candidate is computed once and kept in memory.
+    "cpp_wrapper": True,  # the loop in C++ too, so that it releases the GIL
+    "cpp.threads": 1,  # our own worker threads each take a slice of the runs
+    "unroll_reductions_threshold": 64,  # puts sums over rules in loops over the runs
+    # A value that every rule or candidate reads is computed once and kept in memory.
     "deterministic": True,
     "realize_reads_threshold": 1,
 }
-"""Of Inductor. A product and its sum stay two roundings: which pairs a compiler would join depends
-on the loop that they are in, and so on the number of lanes, of which a run must know nothing.
+"""Inductor's options. A multiplication and an addition stay two operations with two roundings.
+Fusing them would depend on the loop and so on the number of lanes, which must not change a run.
 """
 
-# Torch's cache of compiled graphs doesn't know yet that a loop is the same if its graphs are.
+# Tells torch's cache that a while_loop may be cached: equal graphs make equal loops.
 _CACHEABLE = dict.fromkeys(("while_loop", "torch.ops.higher_order.while_loop"), torch.__version__)
 
 Run = Callable[[Tensor, list[Tensor], list[Tensor]], list[Tensor]]
 
 
 class InductorLoop:
-    """``steps`` times ``state = step(stays, state)``, in one loop around the step's graph.
+    """A compiled loop that repeats ``state = step(stays, state)``.
 
     Args:
-        make_step: pure-tensor code; its Python runs once, when it is traced.
-        stays: what the steps read and don't change, batch size ``[lanes]``.
-        state: batch size ``[lanes]``. The loop is for such shapes only.
+        make_step: makes the step, pure tensor code whose Python is run once, to trace it.
+        stays: an example of the tensors that steps read and don't change, batch size ``[lanes]``.
+        state: an example of the state, batch size ``[lanes]``. The loop takes these shapes only.
 
     Raises:
-        ConfigError: the C++ compiler fails.
+        ConfigError: if the C++ compiler fails.
     """
 
     any_lanes = False
@@ -59,11 +59,11 @@ class InductorLoop:
             def one_step(done: Tensor, *carried: Tensor) -> tuple[Tensor, ...]:
                 return done + 1, *body(*fixed, *carried)
 
-            none = torch.zeros((), dtype=torch.int64)  # on the CPU: no device need be waited for
+            none = torch.zeros((), dtype=torch.int64)  # on the CPU: needs no device sync
             _, *after = while_loop(unfinished, one_step, (none, *carried))  # type: ignore[no-untyped-call]
             return after
 
-        # torch.compile keeps its results with the code, eight at most: each loop has its own.
+        # torch.compile caches at most eight results per code object, so each loop gets its own.
         loop.__code__ = loop.__code__.replace()
         self._run: Run = torch.compile(loop, fullgraph=True, dynamic=False, options=_OPTIONS)
         with config.patch(unsafe_marked_cacheable_functions=_CACHEABLE):
@@ -74,7 +74,7 @@ class InductorLoop:
                     raise
                 complaint = str(error.inner_exception).splitlines()[-1]
                 raise ConfigError(
-                    f"engine=compiled: the C++ compiler doesn't work; engine=eager takes none. "
+                    f"engine=compiled: the C++ compiler doesn't work; engine=eager needs none. "
                     f"It says: {complaint}"
                 ) from error
 
@@ -96,7 +96,7 @@ class _Running:
 
 
 def _without_repetitions(graph: GraphModule) -> GraphModule:
-    """What policy, loss and gradient each compute, computed once."""
+    """Merge equal operations, such as those that policy, loss and gradient have in common."""
     if any(_writes_in_place(node) for node in graph.graph.nodes):
         return graph  # equal operations may then have different results
     first: dict[object, Node] = {}

@@ -1,9 +1,9 @@
-"""Runs as lanes of a batch whose size is a multiple of the machine's vectors.
+"""Batches of lanes whose size is a multiple of the processor's vector length.
 
-Vectorised kernels treat the rest of a vector's length differently (another code path, another order
-of summation), so a run could differ, in its last bit, from the same run in another batch. With the
-batch padded, every lane takes the same path. Padding lanes repeat the last run; they cost little
-and are never reported.
+A lane is the place of one run in a batch. Vectorised kernels handle a last, incomplete vector by
+another code path with another order of summation, so the last bit of a run could depend on the
+batch size. Padding the batch sends every lane down the same path. Padding lanes repeat the last
+run, and their results are dropped.
 """
 
 from typing import TypeVar
@@ -15,20 +15,33 @@ from torch import Tensor
 Values = TypeVar("Values", Tensor, TensorDictBase)
 
 LANES = 32
-"""16 are not enough: tried on AVX2 and AVX-512."""
+"""The unit of batch sizes. With 16, results differed in tests on AVX2 and AVX-512."""
 
 
 def repeat_last(values: Values, lanes: int) -> Values:
-    """The first values of ``[runs, ...]``, the last repeated if need be: ``[lanes, ...]``."""
+    """Cut or pad a batch to a number of lanes, by repeating its last value.
+
+    Args:
+        values: ``[runs, ...]``.
+        lanes: the number of lanes.
+
+    Returns:
+        ``[lanes, ...]``.
+    """
     index = torch.arange(lanes, device=values.device)
     return values[index.clamp(max=len(values) - 1)]
 
 
 def lanes_for(jobs: int, workers: int, most: int) -> int:
-    """How many lanes each worker should have for so many jobs.
+    """Return the number of lanes of each worker.
 
-    Enough that all jobs go on at once, at most ``most``, and one of few sizes, four from a number
-    to its double: a compiled loop has the number of lanes built in, and is to be found again.
+    It lets all jobs run at once, up to ``most``. It is rounded up to one of four sizes per
+    doubling, because a loop may be compiled for one number of lanes and is cached by it.
+
+    Args:
+        jobs: the number of jobs.
+        workers: the number of workers.
+        most: the most lanes of a worker.
     """
     units = -(-jobs // (workers * LANES))
     grain = 1 << max(0, (units - 1).bit_length() - 3)

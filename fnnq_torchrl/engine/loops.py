@@ -1,4 +1,7 @@
-"""A step, many times."""
+"""The interface of loops that repeat a step, and the eager one.
+
+A lane is the place of one run in a batch.
+"""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -8,50 +11,51 @@ from tensordict import TensorDictBase
 from fnnq_torchrl.engine.threads import subnormals_flushed
 
 Step = Callable[[TensorDictBase, TensorDictBase], TensorDictBase]
-"""From what stays and the state to the next state, all of batch size ``[lanes]``.
+"""``step(stays, state)`` returns the next state; all have batch size ``[lanes]``.
 
-A state may have an entry ``over`` (bool, ``[lanes, 1]``): such a lane is ready, and need not be
-stepped any further.
+``stays`` holds the tensors that steps read and don't change. The state may have an entry ``over``
+(bool, ``[lanes, 1]``), which is true for a finished lane: it needs no further steps.
 """
 
 MakeStep = Callable[[int], Step]
-"""The step for so many lanes: environments know the size of their batch."""
+"""Makes the step for a number of lanes, since an environment has a fixed batch size."""
 
 
 class Running(Protocol):
-    """Lanes that a loop has in its hands.
+    """A batch that a loop is advancing.
 
     Attributes:
-        stays, state: theirs, batch size ``[lanes]``, to read and, in place, to write.
+        stays, state: the batch's tensors, batch size ``[lanes]``. Callers may read them, and write
+            them in place.
     """
 
     stays: TensorDictBase
     state: TensorDictBase
 
     def advance(self, steps: int) -> None:
-        """Take so many steps, in each of which ``state`` becomes ``step(stays, state)``."""
+        """Repeat ``state = step(stays, state)`` for a number of steps."""
 
 
 class Loop(Protocol):
-    """Runs a step again and again.
+    """A loop around a step; calling it with a batch starts that batch.
 
     Attributes:
-        any_lanes: whether it takes any multiple of :data:`.lanes.LANES`, or only as
-            many as it was made for.
+        any_lanes: whether a batch may have any multiple of :data:`.lanes.LANES` lanes; if not, it
+            must have as many as the loop was made for.
     """
 
     any_lanes: bool
 
     def __call__(self, stays: TensorDictBase, state: TensorDictBase) -> Running:
-        """Take lanes in hand: copies of these."""
+        """Return copies of a batch, ready to advance."""
 
 
 MakeLoop = Callable[[MakeStep, TensorDictBase, TensorDictBase], Loop]
-"""Makes a loop of a step, for what stays and a state like these."""
+"""Makes a loop from a step and examples of its ``stays`` and ``state``."""
 
 
 class EagerLoop:
-    """Step after step, each operation on its own."""
+    """A loop that runs the step's Python code, one operation after the other."""
 
     any_lanes = False
 

@@ -1,4 +1,4 @@
-"""Many jobs on few lanes: where one is done, the next begins."""
+"""Run many jobs on few lanes: when a lane's job is done, the lane gets the next job."""
 
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from threading import Lock
@@ -13,48 +13,51 @@ from fnnq_torchrl.engine.loops import Loop, Running
 
 
 class Task(Protocol):
-    """Jobs of one kind, numbered from 0, which differ in how many steps they take.
+    """Jobs that repeat the same step, each until it is done. They are numbered from 0.
 
     Attributes:
-        loop: of the step that they take.
-        steps: how many of them from one :meth:`collect` to the next.
+        loop: the loop around their step.
+        steps: the number of steps from one :meth:`collect` to the next.
     """
 
     loop: Loop
     steps: int
 
     def begin(self, jobs: Tensor) -> tuple[TensorDictBase, TensorDictBase]:
-        """What stays, and the state, of jobs that are to begin; each of batch size ``[lanes]``.
+        """Return ``stays`` and the first ``state`` of jobs (:data:`.loops.Step`).
 
         Args:
-            jobs: their numbers, int64 ``[lanes]``.
+            jobs: the jobs' numbers, int64 ``[lanes]``.
+
+        Returns:
+            Two TensorDicts of batch size ``[lanes]``.
         """
 
     def collect(self, jobs: Tensor, state: TensorDictBase) -> Tensor:
-        """Keep what is new; by one worker at a time.
+        """Keep the jobs' new results; only one worker at a time calls this.
 
         Args:
-            jobs: the number of each lane's job, −1 where there is none, int64 ``[lanes]``.
-            state: theirs.
+            jobs: each lane's job number, −1 for an idle lane, int64 ``[lanes]``.
+            state: the lanes' state, batch size ``[lanes]``.
 
         Returns:
-            Which lanes are done with their job, bool ``[lanes]``.
+            True for each lane whose job is done, bool ``[lanes]``.
         """
 
 
 class Keeper(Protocol):
-    """Saves the unfinished work of all workers."""
+    """Saves the workers' unfinished jobs."""
 
     def visit(self, worker: int, jobs: Tensor, state: TensorDictBase) -> None:
-        """Called after every :meth:`Task.collect`, by one worker at a time.
+        """Look at a worker's lanes; each worker calls this after :meth:`Task.collect`.
 
         Args:
-            worker: which one it is.
-            jobs: the number of each lane's job, −1 where it is done, int64 ``[lanes]``.
-            state: theirs, ``[lanes]``, which the next steps may change where it is.
+            worker: the worker's number.
+            jobs: each lane's job number, −1 for an idle lane, int64 ``[lanes]``.
+            state: the lanes' state, batch size ``[lanes]``. Later steps may overwrite it in place.
 
         Raises:
-            Exception: of any kind, to end the work.
+            Exception: of any kind, to stop all workers.
         """
 
 
@@ -67,7 +70,7 @@ class _Queue:
         self._lock = Lock()
 
     def take(self, count: int) -> Tensor:
-        """The next numbers, as many as asked for or as there are left."""
+        """Return the next ``count`` job numbers, or fewer if fewer are left."""
         with self._lock:
             first = self._next
             self._next = min(len(self._jobs), first + count)
@@ -77,20 +80,20 @@ class _Queue:
 def work_through(
     task: Task, jobs: Tensor, lanes: int, workers: int, keeper: Keeper | None = None
 ) -> None:
-    """Do some jobs of a task.
+    """Run a task's jobs to their end.
 
-    Jobs know nothing of each other, so what becomes of them depends neither on the lanes nor on
-    the workers.
+    Jobs are independent, so their results depend neither on the lanes nor on the workers.
 
     Args:
-        task: what to do.
-        jobs: the numbers of those that are to be done, int64.
-        lanes: how many a worker does side by side.
-        workers: threads, which pays if the task's loop leaves the interpreter to others.
-        keeper: looks at what each worker has in hand from time to time.
+        task: the task.
+        jobs: the numbers of the jobs to run, int64 ``[jobs]``.
+        lanes: the number of jobs that a worker runs side by side.
+        workers: the number of threads; more than one helps only if the task's loop releases the
+            GIL.
+        keeper: saves the unfinished jobs; called after each :meth:`Task.collect`.
     """
     queue, turn = _Queue(jobs), Lock()
-    # However few there are, they leave the main thread alone: that one has signals to answer.
+    # Even a single worker has its own thread: the main thread must stay free to handle signals.
     with ThreadPoolExecutor(workers) as pool:
         shifts = [
             pool.submit(_work, task, queue, lanes, turn, worker, keeper)
@@ -99,7 +102,7 @@ def work_through(
         try:
             wait(shifts, return_when=FIRST_EXCEPTION)
         finally:
-            queue.closed = True  # after a failure or Ctrl-C, the others need not go on
+            queue.closed = True  # after a failure or Ctrl-C, all workers stop
     for shift in shifts:
         shift.result()
 
@@ -133,7 +136,7 @@ def _work(
 
 
 def _without_idle(loop: Loop, jobs: Tensor, running: Running) -> tuple[Tensor, Running]:
-    """The same with fewer lanes, if few enough are busy: no job is to begin any more."""
+    """Drop idle lanes once no jobs are left to start, if a smaller batch holds the busy ones."""
     busy = (jobs >= 0).nonzero().squeeze(-1)
     if not len(busy):
         return busy, running

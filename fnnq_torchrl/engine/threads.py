@@ -1,4 +1,4 @@
-"""Torch's threads: how many an operation is worth, and how they treat the smallest numbers."""
+"""Torch's thread count, and its handling of subnormal numbers."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,22 +6,22 @@ from contextlib import contextmanager
 import torch
 
 _GRAIN = 2**15
-"""Elements below which torch itself keeps most of its operations on one thread."""
+"""Most of torch's operations use one thread for fewer elements than this."""
 
 
 _SUBNORMAL = 1e-40
-"""Of float32: below 2⁻¹²⁶."""
+"""A subnormal number of float32, which are those below 2⁻¹²⁶."""
 
 
 @contextmanager
 def threads_for(elements: int) -> Iterator[None]:
-    """One thread for small tensors, all of torch's threads for large ones.
+    """Give torch one thread for small tensors and all its threads for large ones, in the block.
 
-    Not all operations look at their size: a softmax wakes every thread for a hundred numbers, and
-    where other programs want the cores too it waits for milliseconds.
+    Some operations ignore their size: a softmax of a hundred numbers wakes every thread, which
+    takes milliseconds when other programs use the cores too.
 
     Args:
-        elements: of the largest tensors in the block.
+        elements: the size of the largest tensors in the block.
     """
     before = torch.get_num_threads()
     torch.set_num_threads(1 if elements < _GRAIN else before)
@@ -33,11 +33,11 @@ def threads_for(elements: int) -> Iterator[None]:
 
 @contextmanager
 def subnormals_flushed() -> Iterator[None]:
-    """Numbers too small for all their digits count as zero in the block, as in native loops.
+    """Replace subnormal numbers by zero in the block, as native loops do.
 
-    Traces fall to such numbers within some fifty steps, and processors are slow with them. The
-    setting belongs to the thread that asks for it and is put back at the end. Threads that torch
-    starts in the block inherit it; those that it started before keep their own.
+    Eligibility traces decay to subnormal numbers within about fifty steps, and processors are slow
+    with them. The setting holds for the calling thread and is restored at the end. Threads that
+    torch starts within the block inherit it; threads that it started earlier don't.
     """
     before = bool(torch.full((), _SUBNORMAL) * 1 == 0)
     torch.set_flush_denormal(True)

@@ -1,4 +1,4 @@
-"""Membership and normalised firing strengths. The runs are always the last dimension."""
+"""Memberships, firing strengths and defuzzification; the runs are always the last dimension."""
 
 from collections.abc import Callable, Sequence
 from functools import reduce
@@ -10,7 +10,7 @@ from torch import Tensor
 from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS
 
 Label = tuple[str, Sequence[Tensor]]
-"""A kind of membership function, of :data:`.MEMBERSHIP_FUNCTIONS`, and its parameters, scalars."""
+"""A membership function: a key of :data:`.MEMBERSHIP_FUNCTIONS`, and its parameters as scalars."""
 
 
 def log_membership(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
@@ -35,8 +35,8 @@ def log_degrees(x: Tensor, labels: Sequence[Label], elsewhere: str = "nearest") 
     Args:
         x: the input, ``[...]``.
         labels: at least one.
-        elsewhere: with ``nearest``, the label with the nearest support has degree 1 where no
-            label fires.
+        elsewhere: with ``nearest``, the label with the nearest support has degree 1 for an x at
+            which no label fires; with ``zero``, none has.
 
     Returns:
         ``[labels, ...]``; −∞ where a label doesn't fire.
@@ -60,7 +60,7 @@ def moved_labels(
     least_width: float,
     gaps: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
-    """Return Gaussian labels that have been moved; they keep their order and a least width.
+    """Return Gaussian labels moved by unbounded parameters that keep their order and a least width.
 
         cᵢ₊₁ − cᵢ = (cᵢ₊₁⁰ − cᵢ⁰)·exp(gapᵢ),   mean of c = mean of c⁰ + (mean of σ⁰)·middle
         σᵢ = σᵢ⁰·(least + (1 − least)·exp(widthᵢ))
@@ -68,10 +68,10 @@ def moved_labels(
     Args:
         centres: c⁰, ``[labels]``.
         inverse_widths: 1/σ⁰, ``[labels]``.
-        middle: ``[1, runs]``.
-        widths: ``[labels, runs]``.
-        least_width: the least share of its σ⁰ that a width has, in (0, 1].
-        gaps: ``[labels − 1, runs]``; None of a single label.
+        middle: the shift of all labels, ``[1, runs]``.
+        widths: the change of each width, ``[labels, runs]``.
+        least_width: ``least``, the least width as a share of σ⁰, in (0, 1].
+        gaps: the change of each distance, ``[labels − 1, runs]``; None for a single label.
 
     Returns:
         The centres and the inverses of the widths, each ``[labels, runs]``.
@@ -105,7 +105,7 @@ def normalised(log_degrees: Tensor) -> Tensor:
 def firing_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
     """Return the normalised memberships of one input in Gaussian labels.
 
-    Args and result: as :func:`log_membership`; the shares of all labels sum to 1.
+    Arguments and shape of the result as in :func:`log_membership`; the shares sum to 1.
     """
     return normalised(log_membership(x, centres, inverse_widths))
 
@@ -113,17 +113,17 @@ def firing_shares(x: Tensor, centres: Tensor, inverse_widths: Tensor) -> Tensor:
 def crisp(log_degrees: Tensor) -> Tensor:
     """Return 1 for the label with the highest membership and 0 for the others; ties share the 1.
 
-    Args and result: as :func:`normalised`.
+    Arguments and result as in :func:`normalised`.
     """
     highest = (log_degrees == log_degrees.amax(0)).to(log_degrees.dtype)
     return highest / highest.sum(0)
 
 
 def zero_where_silent(shares: Callable[[Tensor], Tensor], log_degrees: Tensor) -> Tensor:
-    """Return the labels' shares, which are all 0 where no label fires.
+    """Return the labels' shares, all 0 for inputs at which no label fires.
 
     Args:
-        shares: as :func:`normalised`.
+        shares: the function from log degrees to shares, such as :func:`normalised`.
         log_degrees: log μ(x), ``[labels, ..., runs]``.
     """
     fires = log_degrees.amax(0) > -torch.inf
@@ -152,11 +152,11 @@ def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tens
 
 
 def weighed(consequents: Tensor, shares: Sequence[Tensor], batch: int) -> Tensor:
-    """The consequents of each action label in a state, Σ over the states' labels of w times shares.
+    """Return each action label's consequent in a state, weighted by the state labels' shares.
 
     Args:
-        consequents, shares: as of :func:`defuzzify`.
-        batch: how many dimensions the shares' batch has.
+        consequents, shares: as in :func:`defuzzify`.
+        batch: the number of dimensions of the shares' batch.
 
     Returns:
         ``[action labels, *batch, *bases, runs]``.
@@ -174,9 +174,8 @@ def weighted_minima(
 ) -> Tensor:
     """Return Q(s, a) = Σ wᵢσᵢ / Σσ with the minimum t-norm, σᵢ = minⱼ μᵢⱼ(xⱼ), over all rules.
 
-    The strengths' sum doesn't factor, as it does with the product. All strengths are taken relative
-    to that of the strongest rule, so far from every centre nothing is 0/0. Q is 0 where no rule
-    fires.
+    Unlike with the product, the sum of the strengths doesn't factor. All strengths are divided by
+    that of the strongest rule, which avoids 0/0 far from every centre. Q is 0 if no rule fires.
 
     Args:
         consequents: w, ``[labels of input 1, …, labels of input n, action labels, runs]``.

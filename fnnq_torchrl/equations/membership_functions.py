@@ -1,8 +1,8 @@
-"""Membership functions and t-norms: formulas, parameters, and their names in other programs' files.
+"""Registries of membership functions and t-norms: formulas, parameters and names in file formats.
 
-A registry with one entry a function. All arithmetic is by methods of the tensors, element by
-element, in whatever dtype they have, so that nothing here imports torch: a configuration can be
-checked against the registry before anything heavy is loaded.
+The formulas use methods of tensors only, so this module doesn't import torch. A configuration can
+thus be checked against the registries before torch is loaded. The formulas work element by element
+in the dtype of their arguments.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 Formula = Callable[..., "Tensor"]
-"""``formula(x, *parameters)``: tensors that broadcast with each other, to one of their shape."""
+"""``formula(x, *parameters)`` of tensors that broadcast with each other."""
 
 
 def _rise(x: "Tensor", start: "Tensor", end: "Tensor") -> "Tensor":
-    """From 0 at ``start`` to 1 at ``end``; a jump to 1 where they are the same."""
+    """Rise linearly from 0 at ``start`` to 1 at ``end``; jump to 1 if they are equal."""
     span = end - start
     ramp = ((x - start) / span.where(span > 0, 1)).clamp(0, 1)
     return ramp.where(span > 0, (x >= start).to(x.dtype))
 
 
 def _fall(x: "Tensor", start: "Tensor", end: "Tensor") -> "Tensor":
-    """From 1 at ``start`` to 0 at ``end``; a jump to 0 where they are the same."""
+    """Fall linearly from 1 at ``start`` to 0 at ``end``; jump to 0 if they are equal."""
     return _rise(-x, -end, -start)
 
 
@@ -40,12 +40,12 @@ def gaussian(x: "Tensor", centre: "Tensor", width: "Tensor") -> "Tensor":
 
 
 def triangle(x: "Tensor", a: "Tensor", b: "Tensor", c: "Tensor") -> "Tensor":
-    """0 up to a, 1 at b, 0 from c on, straight between; a = b or b = c makes a vertical side."""
+    """μ(x): 0 up to a, 1 at b, 0 from c on, linear between; a = b or b = c is a vertical side."""
     return _rise(x, a, b).minimum(_fall(x, b, c))
 
 
 def trapezoid(x: "Tensor", a: "Tensor", b: "Tensor", c: "Tensor", d: "Tensor") -> "Tensor":
-    """0 up to a, 1 from b to c, 0 from d on, straight between."""
+    """μ(x): 0 up to a, 1 from b to c, 0 from d on, linear between."""
     return _rise(x, a, b).minimum(_fall(x, c, d))
 
 
@@ -55,7 +55,7 @@ def bell(x: "Tensor", centre: "Tensor", width: "Tensor", slope: "Tensor") -> "Te
 
 
 def log_bell(x: "Tensor", centre: "Tensor", width: "Tensor", slope: "Tensor") -> "Tensor":
-    """Log μ(x) = −log(1 + u^(2·slope)), u = |(x − c)/width|; by its asymptote where u is large."""
+    """Log μ(x) = −log(1 + u^(2·slope)), u = |(x − c)/width|, without overflow."""
     u = ((x - centre) / width).abs()
     near = u <= 1
     power = (2 * slope) * u.where(~near, 1).log()
@@ -69,7 +69,7 @@ def log_sigmoid(x: "Tensor", inflection: "Tensor", slope: "Tensor") -> "Tensor":
 
 
 def sigmoid(x: "Tensor", inflection: "Tensor", slope: "Tensor") -> "Tensor":
-    """μ(x) = 1/(1 + exp(−slope·(x − inflection))); it falls where the slope is negative."""
+    """μ(x) = 1/(1 + exp(−slope·(x − inflection))), which falls if the slope is negative."""
     return (slope * (x - inflection)).sigmoid()
 
 
@@ -84,7 +84,7 @@ def log_gaussian_two_sided(
 def gaussian_two_sided(
     x: "Tensor", left: "Tensor", left_width: "Tensor", right: "Tensor", right_width: "Tensor"
 ) -> "Tensor":
-    """1 from left to right, and half a Gaussian on either side, each with its own width."""
+    """μ(x): 1 from left to right, and half a Gaussian on either side, each with its own width."""
     return log_gaussian_two_sided(x, left, left_width, right, right_width).exp()
 
 
@@ -103,16 +103,16 @@ class MembershipFunction:
     """A kind of membership function.
 
     Attributes:
-        parameters: their names, in our order.
-        degree: μ(x), the formula.
-        log_degree: log μ(x), which doesn't underflow far from the label.
-        highest: the parameters between which it is highest.
+        parameters: the parameters' names in our order.
+        degree: the formula of μ(x).
+        log_degree: the formula of log μ(x), which doesn't underflow far from the label.
+        highest: the parameters whose mean is the middle of the highest part.
         positive: the parameters that must be above 0.
-        rising: the parameters that must not fall, in this order.
-        fll: its name in FuzzyLite's language, whose terms have their parameters in our order.
-        fis: its name in MATLAB's and Octave's systems.
-        fis_order: for each of their parameters, the place of ours.
-        compact: whether it is 0 outside its first and last parameter.
+        rising: the parameters whose values must not decrease, in this order.
+        fll: its name in the FuzzyLite Language, which has the same order of parameters.
+        fis: its name in MATLAB's and Octave's .fis files.
+        fis_order: for each parameter in a .fis file, its index in our order.
+        compact: whether μ is 0 outside the interval from the first to the last parameter.
     """
 
     parameters: tuple[str, ...]
@@ -127,7 +127,7 @@ class MembershipFunction:
     compact: bool = False
 
     def misfit(self, numbers: Sequence[float]) -> str | None:
-        """What is wrong with parameters, in words that complete "must be"; None if they fit."""
+        """Return the condition that parameters violate, to complete "must be"; None if they fit."""
         if len(numbers) != len(self.parameters) or not all(map(isfinite, numbers)):
             return f"{len(self.parameters)} finite numbers [{', '.join(self.parameters)}]"
         given = dict(zip(self.parameters, numbers, strict=True))
@@ -142,11 +142,11 @@ class MembershipFunction:
         return None
 
     def support(self, numbers: Sequence[float]) -> tuple[float, float]:
-        """Between which numbers it is above 0, of given parameters."""
+        """Return the ends of the interval where μ > 0, for given parameters."""
         return (numbers[0], numbers[-1]) if self.compact else (-inf, inf)
 
     def middle(self, numbers: Sequence[float]) -> float:
-        """The middle of where it is highest, of given parameters; of a sigmoid, its inflection."""
+        """Return the middle of the part where μ is highest; for a sigmoid, its inflection."""
         tops = [
             number
             for name, number in zip(self.parameters, numbers, strict=True)
@@ -225,7 +225,7 @@ MEMBERSHIP_FUNCTIONS = {
         fis_order=(1, 0, 3, 2),
     ),
 }
-"""The membership functions by their names."""
+"""The membership functions by name."""
 
 
 def product(strength: "Tensor", degree: "Tensor") -> "Tensor":
@@ -243,8 +243,8 @@ class TNorm:
     """A way to combine the degrees of a rule's labels: commutative, with 1 as its neutral element.
 
     Attributes:
-        combine: of two degrees, element by element.
-        fll, fis: its name in FuzzyLite's language, and in MATLAB's and Octave's systems.
+        combine: the function of two degrees, element by element.
+        fll, fis: its name in the FuzzyLite Language and in MATLAB's and Octave's .fis files.
     """
 
     combine: Formula
@@ -256,26 +256,26 @@ T_NORMS = {
     "product": TNorm(product, fll="AlgebraicProduct", fis="prod"),
     "minimum": TNorm(minimum, fll="Minimum", fis="min"),
 }
-"""The t-norms by their names."""
+"""The t-norms by name."""
 
 ELSEWHERE = ("nearest", "zero")
-"""What fires where no label does: the nearest one, or none, which makes the output 0."""
+"""The choices for a number outside of all labels: the nearest label fires, or the output is 0."""
 
 
 Membership = tuple[str, tuple[float, ...]]
-"""A kind, of :data:`MEMBERSHIP_FUNCTIONS`, and its parameters."""
+"""A key of :data:`MEMBERSHIP_FUNCTIONS`, and the function's parameters."""
 
 
 def rule_width(width: float, reading: str) -> float:
-    """σ from the paper's second number, read as the ``sigma`` itself or as a ``variance`` σ²."""
+    """Return σ for a label's second number, which is σ (``sigma``) or σ² (``variance``)."""
     return sqrt(width) if reading == "variance" else width
 
 
 def membership_of(label: Sequence[float] | Mapping[str, Sequence[float]], width: str) -> Membership:
-    """The membership function of a label as a configuration has it.
+    """Return the membership function of a label in a configuration.
 
     Args:
-        label: ``[centre, width]`` of a Gaussian, or ``{kind: [parameters]}``.
+        label: ``[centre, width]`` for a Gaussian, or ``{kind: [parameters]}``.
         width: whether the second number of ``[centre, width]`` is a ``sigma`` or a ``variance``.
     """
     if isinstance(label, Mapping):
@@ -286,13 +286,13 @@ def membership_of(label: Sequence[float] | Mapping[str, Sequence[float]], width:
 
 
 def even_labels(low: float, high: float, count: int) -> list[Membership]:
-    """Gaussians, evenly spaced from end to end.
+    """Return Gaussian labels evenly spaced from one end of a range to the other.
 
-    Neighbours have the same membership, ½, halfway between them: σ = d/√(8 ln 2) at a distance d.
+    Halfway between two neighbours, both have membership ½: σ = d/√(8 ln 2) for a distance d.
 
     Args:
-        low, high: the range, finite.
-        count: how many there are; a single one lies in the middle.
+        low, high: the range's ends, finite.
+        count: the number of labels; a single label lies in the middle.
     """
     if count == 1:
         return [("gaussian", ((low + high) / 2, (high - low) / 2))]

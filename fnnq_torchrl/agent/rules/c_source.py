@@ -1,7 +1,7 @@
-"""Rules as C99 for a microcontroller: no dependency but the C library's maths, no allocation.
+"""Export rules as C99 for microcontrollers; it needs only ``math.h`` and allocates no memory.
 
-Of ``ctl.c`` and Q: ``double ctl_q(const double *state, double action)`` and
-``double ctl_greedy(const double *state)``; of any other system, ``double ctl_output(const double
+For Q, ``ctl.c`` defines ``double ctl_q(const double *state, double action)`` and ``double
+ctl_greedy(const double *state)``. For any other system, it defines ``double ctl_output(const double
 *state)``.
 """
 
@@ -16,7 +16,7 @@ from fnnq_torchrl.agent.rules.system import FuzzySystem
 _LARGEST_FLOAT = 3.4e38
 _PER_LINE = 4
 
-# The logarithms of the membership functions: those of equations/membership_functions.py.
+# The logarithms of the membership functions, as in equations/membership_functions.py.
 _FUNCTIONS = {
     "gaussian": """\
 static $real gaussian($real x, $real centre, $real width)
@@ -198,16 +198,19 @@ $real ${name}_output(const $real *state);
 def write(
     system: FuzzySystem, candidates: Sequence[float], stem: str, floats: bool
 ) -> dict[str, bytes]:
-    """The two files of a system.
+    """Return the C source and the header of a system.
 
     Args:
-        system: of Q, whose last input is the action, or of anything else.
-        candidates: of Q, the actions among which the best is sought; else none.
-        stem: the files' name without its ending, which the functions' names begin with.
-        floats: float instead of double.
+        system: Q, with the action as its last input, or any other system.
+        candidates: for Q, the candidate actions of the greedy choice; else empty.
+        stem: the files' name without its ending; it is also the prefix of the functions' names.
+        floats: whether to compute in ``float`` instead of ``double``.
+
+    Returns:
+        The contents of the files by their endings, ``.c`` and ``.h``.
 
     Raises:
-        RulesError: a number doesn't fit a float.
+        RulesError: if a number is too large for a float.
     """
     name = re.sub(r"\W", "_", stem, flags=re.ASCII)
     name = name if re.match("[A-Za-z]", name) else f"rules{name}"
@@ -294,18 +297,18 @@ _NEED_LOWER = {*_NEED_RISE, "sigmoid", "gaussian_two_sided"}
 
 
 def _words(variable: Variable) -> str:
-    """A variable's name and range, for a remark."""
+    """Return a variable's name and range for a comment."""
     name = variable.name.encode("ascii", "replace").decode().replace("*/", "")
     return f"{name}, from {variable.low!r} to {variable.high!r}"
 
 
 def _may_be_silent(variable: Variable) -> bool:
-    """Whether there are numbers that none of its labels covers."""
+    """Return whether some numbers may be outside of all labels."""
     return all(label.function.compact for label in variable.labels)
 
 
 def _degrees(i: int, variable: Variable, literal: Callable[[float], str], elsewhere: str) -> str:
-    """The function that computes the logarithms of the degrees of an input's labels."""
+    """Return the C function that computes the log degree of each label of an input."""
     lines = [
         f"    degrees[{j}] = {label.kind}(x, {', '.join(map(literal, label.parameters))});"
         for j, label in enumerate(variable.labels)

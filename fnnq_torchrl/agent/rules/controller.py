@@ -1,4 +1,4 @@
-"""From a greedy policy to rules of state → action."""
+"""Distil a greedy policy into rules from state to action."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ _BISECTIONS = 50
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of an input's range in which the greedy action is the same.
+    """An interval of a state input with the same greedy action.
 
     Attributes:
-        low, high: its ends.
+        low, high: the interval's ends.
         action: the greedy action.
     """
 
@@ -31,15 +31,16 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """What a robot does: the greedy action over the state, and rules that come close to it.
+    """A greedy policy on a grid of states, and the rules that approximate it.
 
     Attributes:
-        states: points of the grid on the states' ranges, ``[points, states]``.
-        greedy: the greedy action at each, ``[points]``.
-        stretches: where which action is the greedy one; of one state input only, else empty.
-        distilled: the rules, one number for each label of each input with each of the others'.
+        states: a grid over the state inputs' ranges, ``[points, states]``.
+        greedy: the greedy action at each point, ``[points]``.
+        stretches: the intervals of equal greedy action if there is one state input; else empty.
+        distilled: the rules, with one action for each combination of the inputs' labels.
         action: the action's variable.
-        largest_difference, mean_difference: between the two, over the grid.
+        largest_difference, mean_difference: the absolute difference between the rules' action and
+            the greedy action, over the grid.
     """
 
     states: Tensor
@@ -52,11 +53,11 @@ class Controller:
 
     @property
     def switches(self) -> list[float]:
-        """Where the greedy action changes, rising."""
+        """The states at which the greedy action changes, in rising order."""
         return [stretch.low for stretch in self.stretches[1:]]
 
     def sentences(self) -> list[str]:
-        """The rules with the action's nearest words: «if bearing is left then steer hard_left»."""
+        """Return the rules as sentences: ``if bearing is left then steer hard_left (+1.00)``."""
         return [
             f"if {self.distilled.premise(labels)} "
             f"then {self.action.name} {self.word(value)} ({value:+.2f})"
@@ -64,7 +65,7 @@ class Controller:
         ]
 
     def word(self, action: float) -> str:
-        """The label of the action to which a number belongs most."""
+        """Return the name of the action label with the highest degree for a number."""
         degrees = self.action.log_degrees(torch.tensor(action, dtype=torch.float64), "nearest")
         label: Label = self.action.labels[int(degrees.argmax())]
         return label.name
@@ -77,13 +78,13 @@ def distil(
     t_norm: str = "product",
     elsewhere: str = "nearest",
 ) -> Controller:
-    """Fit one number for each state rule to a greedy policy, by least squares within the range.
+    """Fit one action per state rule to a greedy policy, by least squares bounded by its range.
 
     Args:
         states: the state inputs.
-        action: the action's variable, whose range the numbers stay in.
-        greedy: the action in every state, ``[points]`` of ``[points, states]``.
-        t_norm, elsewhere: of the rules.
+        action: the action's variable; the fitted actions stay within its range.
+        greedy: a function from states ``[points, states]`` to actions ``[points]``.
+        t_norm, elsewhere: the rules' settings, as in :class:`.FuzzySystem`.
     """
     each = max(2, round(_POINTS ** (1 / len(states))))
     axes = [torch.linspace(*state.span(), each, dtype=torch.float64) for state in states]
@@ -93,7 +94,7 @@ def distil(
     blank = FuzzySystem(tuple(states), action.name, zeros, t_norm, elsewhere)
     firing = blank.firing(grid).flatten(1)
     low, high = action.span()
-    # The same least squares with as many equations as there are numbers.
+    # The QR factors give the same least squares with one equation per rule, which is faster.
     turned, triangle = torch.linalg.qr(firing)
     fitted = lsq_linear(triangle.numpy(), (turned.T @ actions).numpy(), (low, high)).x
     numbers = torch.from_numpy(fitted).clamp(low, high).view_as(zeros)
@@ -111,7 +112,7 @@ def distil(
 
 
 def _stretches(x: Tensor, actions: Tensor, greedy: Callable[[Tensor], Tensor]) -> list[Stretch]:
-    """The stretches of a policy of one input, their ends found by bisection between neighbours."""
+    """Return the intervals of equal greedy action, with ends found by bisection between points."""
     changes = (actions[1:] != actions[:-1]).nonzero().flatten()
     low, high = x[changes].clone(), x[changes + 1].clone()
     before = actions[changes]

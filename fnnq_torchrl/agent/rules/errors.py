@@ -1,4 +1,4 @@
-"""What is wrong with a file of rules, and where."""
+"""Errors in files of rules, with their place."""
 
 import difflib
 from collections.abc import Iterable
@@ -8,7 +8,7 @@ from envs.core.parameters import ConfigError
 
 
 class RulesError(ConfigError):
-    """A rule base, or a file of one, that isn't what it should be; its text is one line."""
+    """An error in a rule base or in a file of rules; its message is one line."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Place:
     column: int = 1
 
     def error(self, message: str) -> RulesError:
-        """The error of this place."""
+        """Return an error whose message starts with this place."""
         return RulesError(f"{self}: {message}")
 
     def __str__(self) -> str:
@@ -28,13 +28,13 @@ class Place:
 
 
 def shown(text: object) -> str:
-    """A piece of a file as a message may hold it: short, on one line, and printable."""
+    """Return text from a file in a form for messages: short, printable, on one line."""
     line = ascii(text) if isinstance(text, str) else ascii(str(text))
     return line if len(line) <= 60 else f"{line[:56]}...{line[-1]}"
 
 
 def choices(given: str, known: Iterable[str]) -> str:
-    """What could have stood there: the nearest spelling, or else all of it."""
+    """Return a hint for messages: the known name with the nearest spelling, or all known names."""
     names = [name if name.isprintable() else shown(name) for name in known]
     if near := difflib.get_close_matches(given[:64], names, n=1):
         return f"did you mean {near[0]}?"

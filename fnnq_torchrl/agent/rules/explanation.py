@@ -1,4 +1,4 @@
-"""Why an action: the rules that fired, and what each adds to Q of which action."""
+"""Explain a greedy action: the rules that fired, and their contributions to Q."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,15 +9,17 @@ from torch import Tensor
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """The rules in one state.
+    """The rules' firing and their contributions to Q in one state.
+
+    ``print`` shows it as tables.
 
     Attributes:
-        observation: the state, by the names of the inputs.
-        action_name: what the action is called.
-        premises: the rules' words, ``[rules]``.
-        consequents: their numbers, ``[rules]``.
-        candidates: the actions, ``[candidates]``.
-        firing: how strongly each rule fires with each candidate, ``[candidates, rules]``.
+        observation: the state, a number for each input by name.
+        action_name: the action's name.
+        premises: the rules' premises in words, ``[rules]``.
+        consequents: the rules' consequents, ``[rules]``.
+        candidates: the candidate actions, ``[candidates]``.
+        firing: each rule's normalised firing strength for each candidate, ``[candidates, rules]``.
     """
 
     observation: dict[str, float]
@@ -29,7 +31,7 @@ class Explanation:
 
     @property
     def contributions(self) -> Tensor:
-        """What each rule adds to Q of each candidate, ``[candidates, rules]``."""
+        """Each rule's contribution to each candidate's Q, ``[candidates, rules]``."""
         return self.firing * self.consequents
 
     @property
@@ -39,7 +41,7 @@ class Explanation:
 
     @property
     def best(self) -> int:
-        """The place of the best candidate, the first of several."""
+        """The index of the best candidate; the first if several are equally good."""
         return int(self.values.argmax())
 
     @property
@@ -48,13 +50,13 @@ class Explanation:
         return float(self.candidates[self.best])
 
     def fired(self, least: float = 0.01) -> list[tuple[str, float, float, float]]:
-        """The rules that fired with the best candidate, the strongest first.
+        """Return the rules that fired for the best candidate, the strongest first.
 
         Args:
-            least: a rule that fired less is left out.
+            least: the least firing strength; weaker rules are left out.
 
         Returns:
-            Of each, its premise, how strongly it fired, its consequent, what it adds to Q.
+            A tuple for each rule: premise, firing strength, consequent, contribution to Q.
         """
         strengths, added = self.firing[self.best].tolist(), self.contributions[self.best].tolist()
         rows = zip(self.premises, strengths, self.consequents.tolist(), added, strict=True)

@@ -1,4 +1,4 @@
-"""MATLAB's and Octave's files of fuzzy systems, as far as we have them: Sugeno's, of order zero."""
+"""The .fis format of MATLAB and Octave, restricted to zero-order Sugeno systems."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -17,11 +17,11 @@ _T_NORMS = {t_norm.fis: name for name, t_norm in T_NORMS.items()}
 
 
 def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
-    """The text of a system; it can't hold candidates. Every number is in full.
+    """Return the text of a .fis file, with every number in full precision.
 
     Args:
-        system: which; its inputs have finite ranges, or those that their labels span.
-        candidates: left out.
+        system: the system to write; an infinite range is replaced by :meth:`.Variable.span`.
+        candidates: ignored, since the format has no place for them.
     """
     system = fit_names(system)
     values = [value for _, value in system.rules()]
@@ -48,7 +48,7 @@ def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
             function = label.function
             numbers = " ".join(repr(label.parameters[place]) for place in function.fis_order)
             lines.append(f"MF{j}='{label.name}':'{function.fis}',[{numbers}]")
-    # Octave wants a range that isn't empty, of which nothing else is made.
+    # Octave requires a range that isn't empty, but doesn't use it.
     low, high = min(values), max(values)
     high = high if high > low else low + 1.0
     lines += ["", "[Output1]", f"Name='{system.output}'", f"Range=[{low!r} {high!r}]"]
@@ -70,9 +70,9 @@ def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
 
 
 def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
-    """Read a system; arguments, result and errors as :func:`.sentences.read`; no candidates.
+    """Read a system; arguments, result and errors as in :func:`.sentences.read`.
 
-    What such files may have and we don't is told by its name and its line.
+    There are never candidates. An unsupported feature is an error that names it and its line.
     """
     parts, section = _Parts(), ""
     for line in _lines(text, file):
@@ -103,7 +103,7 @@ def _lines(text: str, file: str) -> Iterator[Token]:
 
 @dataclass
 class _Part:
-    """A variable, as far as it is read."""
+    """The parts of a variable read so far."""
 
     name: str
     place: Place
@@ -115,7 +115,7 @@ class _Part:
 
 @dataclass
 class _Parts:
-    """What the file holds, as far as it is read."""
+    """The parts of the file read so far."""
 
     inputs: list[_Part] = field(default_factory=list)
     outputs: list[_Part] = field(default_factory=list)
@@ -124,7 +124,7 @@ class _Parts:
     sugeno: bool = False
 
     def finish(self, end: Place) -> FuzzySystem:
-        """The system that the parts make."""
+        """Build the system from all parts."""
         if not self.sugeno:
             raise end.error("the file ends here; expected Type='sugeno'")
         if not self.inputs or not self.outputs or not self.rules:
@@ -146,7 +146,7 @@ class _Parts:
 
 
 def _put_rule(tokens: Tokens, grid: Grid, variables: Sequence[Variable], output: _Part) -> None:
-    """Put «1 2, 7 (1) : 1» in its place: the labels of the inputs, the output's, weight, and."""
+    """Add a rule like ``1 2, 7 (1) : 1``: labels of the inputs and output, weight, connective."""
     labels = []
     for variable in variables:
         place = _whole(tokens.take(f"the number of a label of {variable.name}"))
@@ -177,7 +177,7 @@ def _put_rule(tokens: Tokens, grid: Grid, variables: Sequence[Variable], output:
 
 
 def _whole(token: Token) -> tuple[int, Token]:
-    """The whole number that a token is, and the token."""
+    """Return a token's integer, and the token."""
     if not re.fullmatch(r"-?[0-9]{1,6}(\.0{0,6})?", token.text):
         raise token.error("expected a whole number")
     return int(token.text.partition(".")[0]), token
@@ -235,7 +235,7 @@ _SECTIONS = ("system", "input", "output", "rules")
 
 
 def _membership(part: _Part, section: str, value: Token) -> None:
-    """The value of MF1: «'name':'kind',[parameters]»."""
+    """Read the value of a key like MF1: ``'name':'kind',[parameters]``."""
     found = re.fullmatch(
         r"'([^']{1,200})'\s*:\s*'([^']{1,200})'\s*,\s*(\[.*\]|[^\[\]]+)", value.text
     )
@@ -263,14 +263,14 @@ def _membership(part: _Part, section: str, value: Token) -> None:
 
 
 def _quoted(value: Token) -> str:
-    """The text between a value's quotes."""
+    """Return the text between a value's quotes."""
     if not re.fullmatch(r"'[^']{1,200}'", value.text):
         raise value.error("expected a text in quotes, '...'")
     return value.text[1:-1]
 
 
 def _numbers(value: Token, count: int) -> list[float]:
-    """The numbers between a value's brackets."""
+    """Return the numbers between a value's brackets."""
     inner = value.text.removeprefix("[").removesuffix("]")
     offset = len(value.text) - len(value.text.removeprefix("["))
     place = value.place

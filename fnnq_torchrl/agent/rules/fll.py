@@ -1,8 +1,8 @@
-"""FuzzyLite's language: what its C++ and Python libraries read, as far as we have it.
+"""The FuzzyLite Language (.fll) of the C++ and Python libraries, restricted to our rule bases.
 
-Every rule has an output term of its own: shared terms would be aggregated. The inputs are locked to
-their ranges, since C++ fuzzylite drops rules that fire below 1e-6 and has no output where none is
-left.
+Each rule is written with its own output term, since FuzzyLite aggregates shared terms. The inputs
+are locked to their ranges: C++ FuzzyLite ignores rules that fire below 1e-6, so far outside a range
+there would be no output.
 """
 
 import re
@@ -23,11 +23,11 @@ _HEDGES = ("any", "extremely", "not", "seldom", "somewhat", "very")
 
 
 def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
-    """The text of a system; it can't hold candidates. Every number is in full.
+    """Return the text of a .fll file, with every number in full precision.
 
     Args:
-        system: which.
-        candidates: left out.
+        system: the system to write.
+        candidates: ignored, since the format has no place for them.
     """
     system = fit_names(system)
     lines = ["Engine: fnnq_torchrl"]
@@ -73,9 +73,9 @@ def _numbers(numbers: Sequence[float]) -> str:
 
 
 def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
-    """Read a system; arguments, result and errors as :func:`.sentences.read`; no candidates.
+    """Read a system; arguments, result and errors as in :func:`.sentences.read`.
 
-    What FuzzyLite has and we don't is told by its name and its line.
+    There are never candidates. An unsupported feature is an error that names it and its line.
     """
     parts = _Parts()
     block: Callable[[_Parts, str, Tokens, Token], None] | None = None
@@ -90,7 +90,7 @@ def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
 
 
 def _lines(text: str, file: str) -> Iterator[tuple[Token, Tokens]]:
-    """The lines «key: value»: each key, and the pieces of its value."""
+    """Yield each line ``key: value`` as its key and the tokens of its value."""
     for i, line in enumerate(text.split("\n"), start=1):
         content = line.partition("#")[0].rstrip()
         if not content:
@@ -106,7 +106,7 @@ def _lines(text: str, file: str) -> Iterator[tuple[Token, Tokens]]:
 
 @dataclass
 class _Part:
-    """A variable, as far as it is read."""
+    """The parts of a variable read so far."""
 
     name: str
     place: Place
@@ -119,7 +119,7 @@ class _Part:
 
 @dataclass
 class _Parts:
-    """What the file holds, as far as it is read."""
+    """The parts of the file read so far."""
 
     inputs: list[_Part] = field(default_factory=list)
     outputs: list[_Part] = field(default_factory=list)
@@ -128,7 +128,7 @@ class _Parts:
     t_norm: str = "product"
 
     def finish(self, end: Place) -> FuzzySystem:
-        """The system that the parts make."""
+        """Build the system from all parts."""
         if not self.inputs or not self.outputs or not self.rules:
             raise end.error("the file ends here; expected InputVariable, OutputVariable and rules")
         variables, [output] = [], self.outputs
@@ -149,7 +149,7 @@ class _Parts:
 
 
 def _put_rule(tokens: Tokens, grid: Grid, variables: Sequence[Variable], output: _Part) -> None:
-    """Put «if A is X and B is Y then Q is Z» in its place."""
+    """Add a rule like ``if A is X and B is Y then Q is Z``."""
     names = [variable.name for variable in variables]
     premise: dict[str, int] = {}
     first = tokens.word("if")
@@ -193,7 +193,7 @@ def _put_rule(tokens: Tokens, grid: Grid, variables: Sequence[Variable], output:
 
 
 def _term(part: _Part, tokens: Tokens) -> None:
-    """The line of a term: its name, its class, its parameters and perhaps its height."""
+    """Read a term of an input: name, class, parameters and an optional height, which must be 1."""
     name, kind = tokens.take("a name"), tokens.take("a class of terms")
     if kind.text not in _KINDS:
         raise kind.error(f"terms of this class are not read; {choices(kind.text, _KINDS)}")
@@ -236,7 +236,7 @@ def _output_line(parts: _Parts, key: str, tokens: Tokens, place: Token) -> None:
 def _variable_line(
     part: _Part, key: str, tokens: Tokens, place: Token, known: dict[str, tuple[str, ...] | None]
 ) -> None:
-    """A line that inputs and outputs have, but for terms."""
+    """Read a line of an input or output that isn't a term."""
     if key == "range":
         part.low, part.high = tokens.number(finite=False), tokens.number(finite=False)
         return tokens.end()
@@ -246,7 +246,7 @@ def _variable_line(
 def _setting(
     key: str, tokens: Tokens, place: Token, known: dict[str, tuple[str, ...] | None]
 ) -> None:
-    """A line of which we can read some values only, or whose value doesn't matter (None)."""
+    """Check a setting: ``known`` lists the values that we support, or None if any value will do."""
     if key not in known:
         raise place.error(choices(key, [*known, "term"]))
     if (allowed := known[key]) is None:
@@ -277,7 +277,7 @@ _OF_RULES: dict[str, tuple[str, ...] | None] = {
     "description": None,
     "enabled": ("true",),
     "disjunction": None,  # no rule has an or
-    "implication": None,  # a constant times a degree, whatever it is called
+    "implication": None,  # a constant times a degree under any implication
     "activation": ("General",),
 }
 
@@ -286,7 +286,7 @@ def _rules_line(parts: _Parts, key: str, tokens: Tokens, place: Token) -> None:
     if key == "rule":
         parts.rules.append(tokens)
     elif key == "conjunction":
-        # Rules about a single input may do without.
+        # Rules about a single input need no t-norm.
         known = [*_T_NORMS, "none"] if len(parts.inputs) == 1 else [*_T_NORMS]
         parts.t_norm = _T_NORMS.get(tokens.one_of(known, "t-norm").text, "product")
     else:

@@ -1,4 +1,4 @@
-"""The formats that rules are read from and written to, by the endings of files."""
+"""Read and write rules in the format that a file's ending names."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from fnnq_torchrl.agent.rules.system import FuzzySystem
 from fnnq_torchrl.files.atomic import atomic_write
 
 MOST_BYTES = 2**22
-"""A larger file is refused."""
+"""The largest file that is read."""
 
 Candidates = tuple[float, ...]
 
@@ -20,21 +20,22 @@ READERS: dict[str, Callable[[str, str], tuple[FuzzySystem, Candidates]]] = {
     ".json": json_file.read,
     ".txt": sentences.read,
 }
-"""From a file's text, and its name for messages, to the system and its candidates."""
+"""The readers by ending: ``read(text, file)`` returns the system and its candidates."""
 
 Files = dict[str, bytes]
-"""What to write: the files' contents by their endings."""
+"""The contents of the files to write, by ending."""
 
 
 @dataclass(frozen=True)
 class Writer:
-    """How a format is written.
+    """The functions that write a format.
 
     Attributes:
-        write: makes the files of a system, its candidates, the file's name without its ending, and
-            whether it computes in single precision.
-        floats: whether it can choose the precision.
-        full: the same for the best of the candidates; none if the format can't choose among them.
+        write: ``write(system, candidates, stem, floats)`` returns the files of a system. ``stem``
+            is the file's name without its ending; ``floats`` asks for single precision.
+        floats: whether the format has single precision as an option.
+        full: like ``write``, for the greedy choice among the candidates; None if the format can't
+            express it.
     """
 
     write: Callable[[FuzzySystem, Sequence[float], str, bool], Files]
@@ -60,15 +61,15 @@ WRITERS = {
     ".json": Writer(_text(".json", json_file.write)),
     ".txt": Writer(_text(".txt", sentences.write)),
 }
-"""The formats by their endings."""
+"""The writers by ending."""
 
 
 def read_system(path: Path) -> tuple[FuzzySystem, Candidates]:
-    """Read a file, by its ending.
+    """Read a system and its candidates in the format of the file's ending.
 
     Raises:
-        OSError: it can't be read.
-        RulesError: the ending is unknown, or the file holds no such rules. One line.
+        OSError: if the file can't be read.
+        RulesError: if the ending is unknown or the file has a mistake.
     """
     ending = path.suffix.lower()
     if ending not in READERS:
@@ -80,8 +81,8 @@ def read_text(path: Path) -> str:
     """Read a file of rules as text.
 
     Raises:
-        OSError: it can't be read.
-        RulesError: it is too large, or no text.
+        OSError: if the file can't be read.
+        RulesError: if it is larger than :data:`MOST_BYTES` or isn't UTF-8.
     """
     with open(path, "rb") as file:
         data = file.read(MOST_BYTES + 1)
@@ -98,7 +99,7 @@ def read_text(path: Path) -> str:
 def export_system(
     path: Path, system: FuzzySystem, candidates: Sequence[float] = (), *, floats: bool = False
 ) -> list[Path]:
-    """Write a system into the files of a format; errors as :func:`export_controller`."""
+    """Write a system in the format of the path's ending; errors as in :func:`export_controller`."""
     writer = _writer(path, floats)
     return _write(path, writer.write(system, candidates, path.stem, floats))
 
@@ -106,11 +107,14 @@ def export_system(
 def export_controller(
     path: Path, system: FuzzySystem, candidates: Sequence[float], *, floats: bool = False
 ) -> list[Path]:
-    """Write the choice of the best candidate into the files of a format.
+    """Write the greedy choice among the candidates in the format of the path's ending.
+
+    Returns:
+        The paths of the files that were written.
 
     Raises:
-        OSError: a file can't be written.
-        RulesError: the format can't express that, or the ending is unknown.
+        OSError: if a file can't be written.
+        RulesError: if the ending is unknown or its format can't express this choice.
     """
     writer = _writer(path, floats)
     if writer.full is None:

@@ -1,7 +1,7 @@
-"""Rules as graphs, for robots that run torch or ONNX: ``.pt2`` and ``.onnx``.
+"""Export rules as computation graphs for torch (``.pt2``) and ONNX (``.onnx``).
 
-Of Q, a graph from ``state`` ``[batch, states]`` and ``action`` ``[batch, 1]`` to ``value``
-``[batch]``; of the greedy choice, or of any other system, from ``state`` alone.
+The graph of Q takes ``state`` ``[batch, states]`` and ``action`` ``[batch, 1]`` and returns
+``value`` ``[batch]``. The graph of the greedy choice, or of any other system, takes ``state`` only.
 """
 
 import io
@@ -20,11 +20,11 @@ Files = dict[str, bytes]
 
 
 class Output(nn.Module):
-    """A system as a module, which computes in the precision of its inputs.
+    """A fuzzy system as a module, which computes in the precision of its inputs.
 
     Args:
-        system: which.
-        dtype: of its consequents.
+        system: the fuzzy system.
+        dtype: the dtype of its consequents.
     """
 
     consequents: Tensor
@@ -35,7 +35,7 @@ class Output(nn.Module):
         self.register_buffer("consequents", system.consequents.flatten().to(dtype))
 
     def forward(self, state: Tensor) -> Tensor:
-        """The output: ``[*batch]`` of ``[*batch, inputs]``."""
+        """Return the output ``[*batch]`` for a state ``[*batch, inputs]``."""
         strengths = self._system.strengths(state).flatten(state.ndim - 1)
         total = strengths.sum(-1)
         weighted = (strengths * self.consequents).sum(-1)
@@ -46,16 +46,16 @@ class Value(Output):
     """Q of an action in a state."""
 
     def forward(self, state: Tensor, action: Tensor) -> Tensor:  # type: ignore[override]
-        """Q: ``[*batch]`` of ``[*batch, states]`` and ``[*batch, 1]``."""
+        """Return Q ``[*batch]`` for a state ``[*batch, states]`` and an action ``[*batch, 1]``."""
         return super().forward(torch.cat([state, action], dim=-1))
 
 
 class Greedy(nn.Module):
-    """The best of the candidates, the first of several.
+    """The greedy choice among candidates; the first if several are equally good.
 
     Args:
-        value: Q.
-        candidates: ``[candidates]``.
+        value: the module of Q.
+        candidates: the candidate actions, ``[candidates]``.
     """
 
     candidates: Tensor
@@ -66,38 +66,38 @@ class Greedy(nn.Module):
         self.register_buffer("candidates", candidates)
 
     def forward(self, state: Tensor) -> Tensor:
-        """The action: ``[batch]`` of ``[batch, states]``."""
+        """Return the greedy action ``[batch]`` for a state ``[batch, states]``."""
         actions = self.candidates.view(1, -1, 1).expand(state.shape[0], -1, -1)
         values = self._value(state.unsqueeze(1).expand(-1, actions.shape[1], -1), actions)
         return self.candidates[values.argmax(-1)]
 
 
 def write_pt2(system: FuzzySystem, candidates: Sequence[float], stem: str, floats: bool) -> Files:
-    """The file of a system for :func:`torch.export.load`; arguments as :func:`.c_source.write`."""
+    """Return a file for :func:`torch.export.load`; arguments as in :func:`.c_source.write`."""
     return _pt2(*_of_output(system, candidates, floats))
 
 
 def write_pt2_of_greedy(
     system: FuzzySystem, candidates: Sequence[float], stem: str, floats: bool
 ) -> Files:
-    """The same of the greedy choice."""
+    """Return a ``.pt2`` file of the greedy choice; arguments as in :func:`.c_source.write`."""
     return _pt2(*_of_greedy(system, candidates, floats))
 
 
 def write_onnx(system: FuzzySystem, candidates: Sequence[float], stem: str, floats: bool) -> Files:
-    """The ONNX file of a system; arguments as :func:`.c_source.write`."""
+    """Return an ONNX file of a system; arguments as in :func:`.c_source.write`."""
     return _onnx(*_of_output(system, candidates, floats))
 
 
 def write_onnx_of_greedy(
     system: FuzzySystem, candidates: Sequence[float], stem: str, floats: bool
 ) -> Files:
-    """The same of the greedy choice."""
+    """Return an ONNX file of the greedy choice; arguments as in :func:`.c_source.write`."""
     return _onnx(*_of_greedy(system, candidates, floats))
 
 
 _Graph = tuple[nn.Module, dict[str, Tensor], str]
-"""A module, inputs to trace it with, and its output's name."""
+"""A module, example inputs to trace it with, and the name of its output."""
 
 
 def _of_output(system: FuzzySystem, candidates: Sequence[float], floats: bool) -> _Graph:
@@ -135,7 +135,7 @@ def _pt2(module: nn.Module, inputs: dict[str, Tensor], output: str) -> Files:
 
 def _onnx(module: nn.Module, inputs: dict[str, Tensor], output: str) -> Files:
     if find_spec("onnx") is None or find_spec("onnxscript") is None:
-        raise RulesError(".onnx needs a library more: pip install 'fnnq_torchrl[onnx]'")
+        raise RulesError(".onnx needs further libraries: pip install 'fnnq_torchrl[onnx]'")
     exported = _export(module, inputs)
     log = logging.getLogger("torch.onnx")
     level = log.level

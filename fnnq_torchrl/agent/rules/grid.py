@@ -1,4 +1,4 @@
-"""Rules that are read one after the other, put in their places."""
+"""Collect rules that are read one by one into a tensor of consequents."""
 
 from collections.abc import Sequence
 
@@ -11,10 +11,10 @@ from fnnq_torchrl.agent.rules.system import check_size
 
 
 class Grid:
-    """A number for each label of each variable with each of the others', as they become known.
+    """The rules read so far: a number for each combination of one label per variable.
 
     Args:
-        variables: in their order.
+        variables: the inputs in order.
     """
 
     def __init__(self, variables: Sequence[Variable]) -> None:
@@ -23,10 +23,15 @@ class Grid:
         self._numbers: dict[tuple[int, ...], tuple[float, Place]] = {}
 
     def put(self, labels: Sequence[int], value: float, place: Place) -> None:
-        """Put a rule's number in its place.
+        """Add a rule.
+
+        Args:
+            labels: the index of a label of each variable.
+            value: the rule's number.
+            place: the rule's place in the file.
 
         Raises:
-            RulesError: there is a rule for these labels already.
+            RulesError: if there is already a rule for these labels.
         """
         key = tuple(labels)
         if key in self._numbers:
@@ -37,17 +42,20 @@ class Grid:
 
     @property
     def known(self) -> dict[tuple[int, ...], float]:
-        """The numbers by the places of their rules' labels."""
+        """The rules' numbers by the indices of their labels."""
         return {key: value for key, (value, _) in self._numbers.items()}
 
     def consequents(self, end: Place) -> Tensor:
-        """All the numbers, float64.
+        """Return the consequents of all rules.
 
         Args:
-            end: the end of the file.
+            end: the end of the file, for messages.
+
+        Returns:
+            float64 ``[labels of variable 1, …, labels of the last]``.
 
         Raises:
-            RulesError: a rule is missing.
+            RulesError: if a rule is missing.
         """
         numbers = torch.zeros([len(variable.labels) for variable in self.variables]).double()
         for key in (
@@ -61,7 +69,7 @@ class Grid:
         return numbers
 
     def missing(self, key: Sequence[int], end: Place) -> RulesError:
-        """The error that there is no rule for these labels."""
+        """Return the error for a missing rule, given the indices of its labels."""
         return end.error(
             f"there is no rule for {self._words(key)}; a rule base has one for every label of "
             "each input with each of the others'"

@@ -1,4 +1,4 @@
-"""Rules as JSON."""
+"""Read and write rules as JSON."""
 
 import json
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ FORMAT = "rules of fnnq_torchrl, 1"
 
 
 def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
-    """The text of a system; arguments as :func:`.sentences.write`. No bound is null."""
+    """Return JSON, with null for an infinite bound; arguments as in :func:`.sentences.write`."""
     content = {
         "format": FORMAT,
         "inputs": [
@@ -40,12 +40,12 @@ def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
 
 
 def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
-    """Read a system back; arguments, result and errors as :func:`.sentences.read`."""
+    """Read a system; arguments, result and errors as in :func:`.sentences.read`."""
     try:
         content = json.loads(text)
     except json.JSONDecodeError as error:
         raise Place(file, error.lineno, error.colno).error(error.msg) from None
-    except (ValueError, RecursionError):  # a number of too many digits, too deep a list
+    except (ValueError, RecursionError):  # ValueError: an integer with too many digits
         raise Place(file, 1).error("a number is too long, or a list too deep") from None
     try:
         root = _Node(content, "")
@@ -70,7 +70,7 @@ def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
 
 
 class _Node:
-    """A value of the file and its place in it, as in ``inputs[0].labels``."""
+    """A value in the file and its path, such as ``inputs[0].labels``."""
 
     def __init__(self, value: Any, path: str) -> None:
         self._value, self._path = value, path
@@ -106,7 +106,7 @@ class _Node:
         return infinity if self._value is None else self.number()
 
     def nested(self, shape: Sequence[int]) -> list[float]:
-        """The numbers of lists in lists of these lengths, one after the other."""
+        """Return the numbers of nested lists of a given shape, flattened."""
         if not shape:
             return [self.number()]
         nodes = self.items()

@@ -17,12 +17,12 @@ class Label:
     """A label of a variable, a fuzzy set.
 
     Attributes:
-        name: its word.
-        kind: of :data:`.MEMBERSHIP_FUNCTIONS`.
-        parameters: the membership function's, in the registry's order.
+        name: the label's name, a word of the rules.
+        kind: the membership function, a key of :data:`.MEMBERSHIP_FUNCTIONS`.
+        parameters: the membership function's parameters, in the registry's order.
 
     Raises:
-        RulesError: on creation, if there is no such function or it doesn't have such parameters.
+        RulesError: on creation, if the kind is unknown or the parameters are invalid.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Label:
 
     @property
     def function(self) -> MembershipFunction:
-        """Its entry in the registry."""
+        """The label's membership function."""
         return MEMBERSHIP_FUNCTIONS[self.kind]
 
 
@@ -47,12 +47,12 @@ class Variable:
     """An input of a rule base.
 
     Attributes:
-        name: as the observation's or the action's.
-        labels: at least one, each with a name of its own.
-        low, high: its range, which may be infinite.
+        name: the name of the observation or the action.
+        labels: at least one label; their names differ.
+        low, high: the range's ends, which may be infinite; low < high.
 
     Raises:
-        RulesError: on creation, if that doesn't hold.
+        RulesError: on creation, if these conditions don't hold.
     """
 
     name: str
@@ -70,15 +70,15 @@ class Variable:
 
     @property
     def names(self) -> list[str]:
-        """The labels' words."""
+        """The labels' names."""
         return [label.name for label in self.labels]
 
     def log_degrees(self, x: Tensor, elsewhere: str = "zero") -> Tensor:
-        """Log μ(x) of every label.
+        """Return log μ(x) of every label.
 
         Args:
             x: ``[*points]``.
-            elsewhere: with ``nearest``, the label that is nearest has degree 1 where none fires.
+            elsewhere: with ``nearest``, the nearest label has degree 1 at points where none fires.
 
         Returns:
             ``[labels, *points]``; −∞ where a label doesn't fire.
@@ -87,9 +87,13 @@ class Variable:
         return log_degrees(x, labels, elsewhere)
 
     def gaps(self, points: int = 10_001) -> list[tuple[float, float]]:
-        """Parts of the range where no label fires, between neighbours of so many points.
+        """Find the parts of the range where no label fires, on a grid.
 
-        Where the range is infinite, it is looked at between the labels only.
+        Args:
+            points: the number of grid points over :meth:`span`.
+
+        Returns:
+            The first and the last grid point of each part.
         """
         span = self.span()
         x = torch.linspace(*span, points, dtype=torch.float64)
@@ -97,7 +101,7 @@ class Variable:
         return _stretches(x.tolist(), silent.tolist())
 
     def span(self) -> tuple[float, float]:
-        """The range or, where it is infinite, what the labels' parameters span, and some more."""
+        """Return the range; an infinite end becomes the outermost label's middle plus a margin."""
         inside = [label.function.middle(label.parameters) for label in self.labels]
         margin = (max(inside) - min(inside)) / 2 or 1.0
         low = self.low if self.low > -inf else min(*inside, self.high) - margin
@@ -106,7 +110,7 @@ class Variable:
 
 
 def repeated(names: Sequence[str]) -> str | None:
-    """The first name that stands there twice, if any does."""
+    """Return the first name that occurs twice, or None."""
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -116,7 +120,7 @@ def repeated(names: Sequence[str]) -> str | None:
 
 
 def _stretches(x: Sequence[float], marked: Sequence[bool]) -> list[tuple[float, float]]:
-    """The first and the last of each unbroken stretch of marked numbers."""
+    """Return the first and the last number of each unbroken stretch of marked numbers."""
     found: list[tuple[float, float]] = []
     for i, (number, mark) in enumerate(zip(x, marked, strict=True)):
         if mark and i > 0 and marked[i - 1]:

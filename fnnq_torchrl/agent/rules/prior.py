@@ -1,4 +1,4 @@
-"""The consequents that learning starts from, out of a file of rules."""
+"""Read initial consequents (prior knowledge) from a file of rules."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,24 +17,25 @@ from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_words
 def read_prior(
     path: Path, variables: Sequence[Variable], margin: float, t_norm: str = "product"
 ) -> Tensor:
-    """Read what a file says of the rules of a network.
+    """Read a network's initial consequents from a file of rules.
 
-    It may hold a whole rule base of values or a whole controller, in any readable format, or some
-    sentences of either kind (.txt). What to do is turned into values by :func:`preferences`; where
-    a sentence gives the value of such a rule too, that value counts.
+    A file in any readable format may hold a complete rule base of Q or a complete controller. A
+    .txt file may also hold just some rules of either kind. Rules from state to action are turned
+    into values by :func:`preferences`; a value given for the same rule takes precedence.
 
     Args:
         path: the file.
         variables: the network's state inputs and, last, the action.
-        margin: as of :func:`preferences`.
-        t_norm: the network's.
+        margin: the value of the right action, as in :func:`preferences`.
+        t_norm: the network's t-norm.
 
     Returns:
-        The consequents, float64 ``[labels of input 1, …, action labels]``; 0 where it says nothing.
+        float64 ``[labels of input 1, …, action labels]``; 0 for rules that the file doesn't give.
 
     Raises:
-        OSError: the file can't be read.
-        RulesError: it can't be read by its ending, has a mistake, or is about other labels.
+        OSError: if the file can't be read.
+        RulesError: if the ending is unknown, the file has a mistake, or its labels differ from the
+            network's.
     """
     if path.suffix.lower() == ".txt":
         known = read_knowledge(read_text(path), str(path), variables, t_norm)
@@ -52,16 +53,19 @@ def from_system(
     name: str,
     t_norm: str = "product",
 ) -> Tensor:
-    """The consequents of a whole rule base or controller, if it has a network's labels.
+    """Return a network's initial consequents from a complete rule base or controller.
 
     Args:
-        system: of values, whose last input is the action, or a controller, whose output it is.
-        variables, margin: as of :func:`read_prior`.
-        name: where it comes from, for messages.
-        t_norm: the network's.
+        system: Q, with the action as its last input, or a controller, with it as the output.
+        variables, margin: as in :func:`read_prior`.
+        name: the system's origin, for messages.
+        t_norm: the network's t-norm.
+
+    Returns:
+        float64 ``[labels of input 1, …, action labels]``.
 
     Raises:
-        RulesError: it has other inputs, labels, memberships or another t-norm.
+        RulesError: if its inputs, labels, memberships or t-norm differ from the network's.
     """
     *states, action = variables
     if system.t_norm != t_norm:
@@ -83,20 +87,21 @@ def from_system(
 def preferences(
     variables: Sequence[Variable], actions: Mapping[tuple[int, ...], float], margin: float
 ) -> Tensor:
-    """Values of rules of which it is known what to do.
+    """Turn rules from state to action into values of Q.
 
-    In a state where a* is to be done, the action label with its middle at a is worth margin ·
-    (1 − ((a − a*)/d)²), where d is the distance between the outermost labels: the margin for a*, 0
-    at the far end. Of a sum of such parabolas the best action is the weighted mean of the a*, as a
-    Takagi–Sugeno controller of these rules would have it.
+    If the action for a state is a*, an action label with its middle at a gets the value margin ·
+    (1 − ((a − a*)/d)²), where d is the distance between the outermost labels' middles. So a* itself
+    is worth the margin, and an action at distance d is worth 0. The maximum of a weighted sum of
+    such parabolas is the weighted mean of their a*, which is also the output of a Takagi–Sugeno
+    controller with these rules.
 
     Args:
         variables: the state inputs and, last, the action.
-        actions: a*, by the places of the labels of the state inputs.
-        margin: in units of the value.
+        actions: a* by the indices of the state inputs' labels.
+        margin: the value of a*.
 
     Returns:
-        float64 ``[labels of input 1, …, action labels]``; 0 in all other states.
+        float64 ``[labels of input 1, …, action labels]``; 0 for states without an action.
     """
     middles = torch.tensor(
         [label.function.middle(label.parameters) for label in variables[-1].labels]
@@ -114,7 +119,7 @@ def _places(consequents: Tensor) -> list[list[int]]:
 
 
 def _same(system: FuzzySystem, variables: Sequence[Variable]) -> bool:
-    """Whether a system has these inputs, by the names that every format can hold."""
+    """Return whether a system has these inputs; names are compared after :func:`.fit_words`."""
     return _fitted(system.inputs) == _fitted(variables)
 
 
@@ -128,7 +133,7 @@ def _fitted(variables: Sequence[Variable]) -> list[Any]:
 
 
 def _difference(system: FuzzySystem, variables: Sequence[Variable]) -> str:
-    """The first way in which a system's inputs aren't a network's, and what to do about it."""
+    """Return a message: how a system's inputs differ from a network's, and the remedy."""
     ours, theirs = ([each.name for each in of] for of in (variables, system.inputs))
     if ours != theirs:
         return f"its inputs are {', '.join(theirs)}, the network's are {', '.join(ours)}"

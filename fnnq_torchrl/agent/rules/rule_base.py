@@ -1,4 +1,4 @@
-"""The rules of a fuzzy Q-function."""
+"""A fuzzy Q-function as a rule base."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ _CANDIDATES = 21
 
 @dataclass(frozen=True, eq=False)
 class RuleBase(FuzzySystem):
-    """Q(s, a) as rules: the last input is the action, the output the value.
+    """Q(s, a) as rules: the last input is the action, and the output is the value.
 
-    ``print`` shows the rules as sentences, a notebook as a table.
+    ``print`` shows the rules as sentences; a notebook shows them as a table.
 
     Attributes:
-        candidates: the actions among which the best is sought, rising.
+        candidates: the candidate actions of the greedy choice, rising.
     """
 
     candidates: tuple[float, ...] = ()
@@ -46,13 +46,13 @@ class RuleBase(FuzzySystem):
     def from_network(
         cls, network: FNNQValue, config: LabelsConfig, world: WorldConfig, run: int | None = None
     ) -> Self:
-        """The rules of a network.
+        """Return the rules of a network.
 
         Args:
-            network: which has the labels and the consequents.
-            config: that the network was made from, which has the labels' words.
-            world: that it learned in, which has the ranges and the names.
-            run: which of the network's runs; if not given, the mean over them.
+            network: the network, with the labels and the consequents.
+            config: the network's configuration, with the labels' names.
+            world: the world it learned in, with the variables' names and ranges.
+            run: the index of a run; the mean over all runs, if not given.
         """
         weights = network.weight.detach().to("cpu", torch.float64)
         weight = weights.mean(0) if run is None else weights[run]
@@ -62,10 +62,14 @@ class RuleBase(FuzzySystem):
 
     @classmethod
     def from_system(cls, system: FuzzySystem, candidates: Sequence[float] = ()) -> Self:
-        """The rules of a system whose last input is the action.
+        """Return a system whose last input is the action as a rule base.
+
+        Args:
+            system: the system.
+            candidates: the candidate actions; if empty, the system's own or an even grid.
 
         Raises:
-            RulesError: it has a single input.
+            RulesError: if the system has only one input.
         """
         return cls(
             system.inputs,
@@ -78,17 +82,17 @@ class RuleBase(FuzzySystem):
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
-        """Read a file, by its ending: .fll, .fis, .json or .txt. The last input is the action.
+        """Read a .fll, .fis, .json or .txt file whose last input is the action.
 
         Raises:
-            OSError: the file can't be read.
-            RulesError: it holds no such rules. One line, with the place.
+            OSError: if the file can't be read.
+            RulesError: if it has a mistake; the message gives the place.
         """
         system, candidates = read_system(Path(path))
         return cls.from_system(system, candidates)
 
     def to_network(self, runs: int = 1, dtype: torch.dtype = torch.float32) -> FNNQValue:
-        """A network with these rules, whose consequents are the same in every run."""
+        """Return a network with these rules; all its runs have the same consequents."""
         of = {
             variable.name: [{label.kind: label.parameters} for label in variable.labels]
             for variable in self.inputs
@@ -104,16 +108,16 @@ class RuleBase(FuzzySystem):
 
     @property
     def states(self) -> tuple[Variable, ...]:
-        """The inputs but the action."""
+        """The state inputs: all inputs except the action."""
         return self.inputs[:-1]
 
     @property
     def action(self) -> Variable:
-        """The last input."""
+        """The action's variable, which is the last input."""
         return self.inputs[-1]
 
     def action_values(self, states: Tensor) -> Tensor:
-        """Q of every candidate.
+        """Return Q of every candidate.
 
         Args:
             states: one number for each state input, ``[*points, states]``.
@@ -123,7 +127,7 @@ class RuleBase(FuzzySystem):
         """
         states = states.to(torch.float64)
         candidates = states.new_tensor(self.candidates)
-        if self.t_norm == "product":  # whose shares factor into those of the state and the action
+        if self.t_norm == "product":  # firing strengths factor into state and action parts
             of_states = self._of(self.states).firing(states).flatten(states.ndim - 1)
             of_actions = self._of((self.action,)).firing(candidates.unsqueeze(-1))
             numbers = self.consequents.reshape(of_states.shape[-1], -1)
@@ -133,27 +137,34 @@ class RuleBase(FuzzySystem):
         return self.evaluate(torch.cat([each, actions], dim=-1))
 
     def _of(self, inputs: tuple[Variable, ...]) -> FuzzySystem:
-        """The firing of some of the inputs alone."""
+        """Return a system of some of the inputs, used for its firing strengths alone."""
         zeros = torch.zeros([len(each.labels) for each in inputs], dtype=torch.float64)
         return FuzzySystem(inputs, self.output, zeros, self.t_norm, self.elsewhere)
 
     def greedy(self, states: Tensor) -> Tensor:
-        """The best candidate, the lowest of several: ``[*points]`` of ``[*points, states]``."""
-        best = self.action_values(states).argmax(-1)  # the first, if there are several
+        """Return the best candidate, or the lowest of equally good ones.
+
+        Args:
+            states: ``[*points, states]``.
+
+        Returns:
+            ``[*points]``, float64.
+        """
+        best = self.action_values(states).argmax(-1)
         return states.new_tensor(self.candidates, dtype=torch.float64)[best]
 
     def controller(self) -> Controller:
-        """What the greedy policy does, as rules from state to action."""
+        """Return rules from state to action that approximate the greedy policy."""
         return distil(self.states, self.action, self.greedy, self.t_norm, self.elsewhere)
 
     def explain(self, observation: Mapping[str, float]) -> Explanation:
-        """Why the greedy policy does what it does in a state.
+        """Explain the greedy action in a state by the rules that fire.
 
         Args:
-            observation: a number for each state input, by its name.
+            observation: a number for each state input by name.
 
         Raises:
-            RulesError: one is missing, or unknown.
+            RulesError: if a state input is missing or a name is unknown.
         """
         state = observed(self.states, observation)
         values = self.action_values(state)
@@ -172,20 +183,20 @@ class RuleBase(FuzzySystem):
     def export(
         self, path: str | Path, *, controller: str | None = None, floats: bool = False
     ) -> list[Path]:
-        """Write the rules into a file, in the format of its ending.
+        """Write the rules to a file in the format of its ending.
 
         Args:
-            path: ends in .fll, .fis, .c, .onnx, .pt2, .json or .txt.
-            controller: none for Q; ``full`` for the best of the candidates, where the format can;
-                ``distilled`` for the distilled controller.
-            floats: whether what is exported computes in single precision, where it can.
+            path: a path that ends in .fll, .fis, .c, .onnx, .pt2, .json or .txt.
+            controller: None for Q; ``"full"`` for the greedy choice among the candidates (.c, .onnx
+                and .pt2 only); ``"distilled"`` for the distilled controller.
+            floats: whether to compute in single precision (.c, .onnx and .pt2 only).
 
         Returns:
-            The files that were written.
+            The paths of the files that were written.
 
         Raises:
-            OSError: a file can't be written.
-            RulesError: the ending is unknown, or the format can't express that.
+            OSError: if a file can't be written.
+            RulesError: if the ending is unknown or its format can't express the request.
         """
         path = Path(path)
         if controller == "distilled":
@@ -202,12 +213,12 @@ def partition(
     world: WorldConfig,
     labels: Sequence[Sequence[Membership]] | None = None,
 ) -> tuple[Variable, ...]:
-    """The variables of a configuration: the inputs in their order, and the action.
+    """Return the variables of a configuration: the inputs in order, then the action.
 
     Args:
-        config: the labels and their words.
-        world: the ranges and the action's name.
-        labels: those of each variable, where they aren't the configuration's.
+        config: the configuration of the labels and their names.
+        world: the world, with the ranges and the action's name.
+        labels: each variable's labels, if they differ from the configuration's.
     """
     if labels is None:
         both = (*config.inputs.values(), config.action)

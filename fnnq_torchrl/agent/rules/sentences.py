@@ -1,7 +1,7 @@
-"""Rules as people write them, with the words' meanings above: our own text format.
+"""Our own text format: rules as sentences, below the definitions of their words.
 
-A line each; what follows a # is a remark. The definitions, which a file may leave out where the
-words are known already::
+Each line is one definition or one rule; # starts a comment. The definitions, which a file of prior
+knowledge may leave out::
 
     input bearing from -1.0 to 1.0
     label far_right gaussian -0.5 0.4
@@ -13,7 +13,7 @@ words are known already::
     t_norm product
     elsewhere nearest
 
-and the rules, of values and of what to do::
+and the rules, either for values or from state to action::
 
     if bearing is far_left and steer is hard_left then value is 0.5
     if bearing is far_left then steer hard_left
@@ -39,11 +39,11 @@ _MOST_LABELS = 1_000
 
 
 def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
-    """The text of a system, with its memberships, every number in full.
+    """Return the text of a system with its definitions, with every number in full precision.
 
     Args:
-        system: of Q, whose last input is the action, or of anything else.
-        candidates: of Q, the actions among which the best is sought.
+        system: Q, with the action as its last input, or any other system.
+        candidates: for Q, the candidate actions of the greedy choice; else empty.
     """
     system = fit_names(system)
     lines = ["# Rules of fnnq_torchrl; docs/rules.md says how they are written."]
@@ -60,17 +60,17 @@ def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
 
 
 def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
-    """Read a whole system, with its definitions and a rule for every combination of labels.
+    """Read a complete system: definitions, and a rule for every combination of labels.
 
     Args:
-        text: the file's.
-        file: its name, for messages.
+        text: the file's text.
+        file: the file's name, for messages.
 
     Returns:
-        The system and its candidates, if it has any.
+        The system, and its candidates, which may be empty.
 
     Raises:
-        RulesError: the place, and what is wrong there.
+        RulesError: if the text has a mistake; the message gives the place.
     """
     definitions, rules = _read_definitions(text, file)
     if not definitions.variables:
@@ -97,13 +97,13 @@ def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What somebody knows, in words that are defined elsewhere.
+    """Prior knowledge: some rules about variables that are defined elsewhere.
 
     Attributes:
-        values: the values of rules, by the places of their labels, one of each state input and,
-            last, one of the action.
-        actions: what to do in states, by the places of their labels: the action as a number, which
-            is the middle of its label where it was named by one.
+        values: values of Q by the indices of the rule's labels, of each state input and then of
+            the action.
+        actions: actions by the indices of the state inputs' labels; for an action named by a
+            label, the label's middle.
     """
 
     values: dict[tuple[int, ...], float]
@@ -113,17 +113,17 @@ class Knowledge:
 def read_knowledge(
     text: str, file: str, variables: Sequence[Variable], t_norm: str = "product"
 ) -> Knowledge:
-    """Read rules of known words, of values and of what to do, as many as there are.
+    """Read any number of rules, for values and from state to action, about known variables.
 
     Args:
-        text: the file's; if it defines words, it must define the same.
-        file: its name, for messages.
+        text: the file's text; its definitions, if any, must agree with ``variables``.
+        file: the file's name, for messages.
         variables: the state inputs and, last, the action.
-        t_norm: the network's.
+        t_norm: the network's t-norm.
 
     Raises:
-        RulesError: the place, and what is wrong there: an unknown word, a rule that is there
-            twice or contradicts another, another partition.
+        RulesError: if a word is unknown, two rules have the same labels, or the definitions differ;
+            the message gives the place.
     """
     definitions, rules = _read_definitions(text, file)
     if definitions.variables:
@@ -153,11 +153,11 @@ def read_knowledge(
 
 
 class _Words:
-    """A rule's words. The premise is read when it is made.
+    """A reader of one rule, which reads the premise on creation.
 
     Args:
-        tokens: the line, after its if.
-        variables: those it may be about.
+        tokens: the rule's line, from its ``if`` on.
+        variables: the variables that the premise may name.
     """
 
     def __init__(self, tokens: Tokens, variables: Sequence[Variable]) -> None:
@@ -178,21 +178,21 @@ class _Words:
 
     @property
     def about_actions(self) -> bool:
-        """Whether the premise names a label of the last variable."""
+        """True if the premise names the last variable."""
         return self._variables[-1].name in self._premise
 
     def output(self) -> tuple[str, Token]:
-        """The output's name, and its token. An "is" after it is passed over."""
+        """Read the output's name and an optional ``is``; return the name and its token."""
         token = self.tokens.take("an output")
         if self.tokens.peek().lower() == "is":
             self.tokens.take("is")
         return token.text, token
 
     def labels(self) -> list[int]:
-        """The places of the labels, of every variable but, if it isn't named, the last.
+        """Return the index of each variable's label, without the last variable if it isn't named.
 
         Raises:
-            RulesError: an input is missing.
+            RulesError: if another variable is missing in the premise.
         """
         due = self._variables if self.about_actions else self._variables[:-1]
         for variable in due:
@@ -201,7 +201,7 @@ class _Words:
         return [self._premise[variable.name] for variable in due]
 
     def action(self, variable: Variable) -> float:
-        """What to do, the last of the line: a label of the action, or a number as it is."""
+        """Read the action at the end of the line, a number or a label; a label means its middle."""
         if re.match(r"[-+.\d]", self.tokens.peek()):
             return self.number()
         word = self.tokens.one_of(variable.names, f"label of {variable.name}")
@@ -210,7 +210,7 @@ class _Words:
         return label.function.middle(label.parameters)
 
     def number(self) -> float:
-        """The output's number, the last of the line."""
+        """Read the output's number at the end of the line."""
         value = self.tokens.number()
         self.tokens.end()
         return value
@@ -218,7 +218,7 @@ class _Words:
 
 @dataclass
 class _Definitions:
-    """The lines above the rules, as far as they are read."""
+    """The definitions read so far."""
 
     variables: list[tuple[str, float, float]] = field(default_factory=list)
     labels: list[list[Label]] = field(default_factory=list)
@@ -229,7 +229,7 @@ class _Definitions:
     action: bool = False
 
     def finish(self) -> tuple[Variable, ...]:
-        """The variables, which are complete now."""
+        """Build the variables from all definitions."""
         found = []
         for (name, low, high), labels, place in zip(
             self.variables, self.labels, self.places, strict=True
@@ -242,7 +242,7 @@ class _Definitions:
 
 
 def _read_definitions(text: str, file: str) -> tuple[_Definitions, list[Tokens]]:
-    """The definitions, and the lines of the rules, which come after them."""
+    """Read the definitions; return them and the lines of the rules, which must come after them."""
     definitions, rules = _Definitions(), []
     for tokens in _lines(text, file):
         keyword = tokens.peek().lower()

@@ -1,4 +1,4 @@
-"""Zero-order Takagi–Sugeno systems: what every file of rules holds."""
+"""Zero-order Takagi–Sugeno systems, the content of every file of rules."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,25 +16,27 @@ from fnnq_torchrl.agent.rules.partition import Label, Variable, repeated
 from fnnq_torchrl.equations.membership_functions import ELSEWHERE, T_NORMS
 
 MOST_RULES = 2**16
-"""A file with more rules is refused: their number is the product of the numbers of labels."""
+"""The most rules of a system; their number is the product of the inputs' numbers of labels."""
 
 
 @dataclass(frozen=True, eq=False)
 class FuzzySystem:
-    """A rule for every label of every input with each of the others', each with a number.
+    """A fuzzy system with a rule for every combination of labels, one label per input.
 
     The output is Σ wᵢσᵢ/Σσ, the weighted average of the consequents by the rules' firing strengths
     (paper, eq. 7, 8), computed in double precision.
 
     Attributes:
-        inputs: at least one.
+        inputs: at least one variable.
         output: the output's name.
         consequents: w, float64 ``[labels of input 1, …, labels of the last]``.
-        t_norm: combines the labels' degrees, of :data:`.T_NORMS`.
-        elsewhere: ``nearest`` or ``zero``, for an input that no label of its variable covers.
+        t_norm: the t-norm that combines the labels' degrees, a key of :data:`.T_NORMS`.
+        elsewhere: the label that fires for a number outside of all labels: the ``nearest``, or none
+            (``zero``).
 
     Raises:
-        RulesError: on creation, if names are repeated, or the consequents' shape doesn't fit.
+        RulesError: on creation, if there are no inputs, a name is repeated, a setting is unknown,
+            there are too many rules, or the consequents' shape is wrong or one isn't finite.
     """
 
     inputs: tuple[Variable, ...]
@@ -62,11 +64,11 @@ class FuzzySystem:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The numbers of the inputs' labels."""
+        """The number of labels of each input."""
         return tuple(len(variable.labels) for variable in self.inputs)
 
     def firing(self, points: Tensor) -> Tensor:
-        """The rules' normalised firing strengths σᵢ/Σσ, which sum to one, or to zero.
+        """Return the rules' normalised firing strengths σᵢ/Σσ. They sum to 1, or 0 if none fires.
 
         Args:
             points: one number for each input, ``[*points, inputs]``.
@@ -79,7 +81,7 @@ class FuzzySystem:
         return strengths / total.where(total > 0, 1)
 
     def evaluate(self, points: Tensor) -> Tensor:
-        """The output.
+        """Return the output.
 
         Args:
             points: one number for each input, ``[*points, inputs]``.
@@ -90,9 +92,9 @@ class FuzzySystem:
         return (self.firing(points) * self.consequents).flatten(points.ndim - 1).sum(-1)
 
     def strengths(self, points: Tensor) -> Tensor:
-        """Firing strengths up to a factor of each point, by which the highest is near 1.
+        """Return firing strengths scaled by a factor for each point, so the highest is near 1.
 
-        In the points' own precision; arguments and result as of :meth:`firing`.
+        Arguments and result as in :meth:`firing`, but in the precision of the points.
         """
         logs = [
             variable.log_degrees(points[..., i], self.elsewhere).movedim(0, -1)
@@ -114,15 +116,15 @@ class FuzzySystem:
         return reduce(combine, spread_out).expand(*points.shape[:-1], *self.shape)
 
     def rules(self) -> Iterator[tuple[tuple[Label, ...], float]]:
-        """Each rule's labels, one of each input, and its consequent; the last input's change first.
+        """Yield each rule as its labels, one per input, and its consequent.
 
-        That is the order of the consequents in memory.
+        The last input's label changes fastest, as in the consequents' memory.
         """
         every = product(*(variable.labels for variable in self.inputs))
         return zip(every, self.consequents.flatten().tolist(), strict=True)
 
     def table(self) -> list[dict[str, Any]]:
-        """The rules, one after the other: a label's name of each input, and the output's number."""
+        """Return a row for each rule: each input's label by its name, and the output's number."""
         names = [variable.name for variable in self.inputs]
         return [
             dict(zip(names, (label.name for label in labels), strict=True)) | {self.output: value}
@@ -130,19 +132,23 @@ class FuzzySystem:
         ]
 
     def sentences(self) -> list[str]:
-        """The rules as sentences, their consequents in full."""
+        """Return the rules as sentences, with consequents in full precision."""
         return [
             f"if {self.premise(labels)} then {self.output} is {value!r}"
             for labels, value in self.rules()
         ]
 
     def premise(self, labels: Sequence[Label]) -> str:
-        """«bearing is left and steer is hard_left», of a label of each input or the first ones."""
+        """Return a premise such as ``bearing is left and steer is hard_left``.
+
+        Args:
+            labels: a label of each input, or of the first inputs only.
+        """
         pairs = zip(self.inputs, labels, strict=False)
         return " and ".join(f"{variable.name} is {label.name}" for variable, label in pairs)
 
     def same_partition(self, inputs: Sequence[Variable]) -> bool:
-        """Whether the inputs are the same, label by label; ranges don't matter."""
+        """Return whether the inputs have the same names and labels; ranges may differ."""
         return [(each.name, each.labels) for each in self.inputs] == [
             (each.name, each.labels) for each in inputs
         ]
@@ -154,7 +160,7 @@ class FuzzySystem:
         )
 
     def _repr_markdown_(self) -> str:
-        """The rules as a notebook shows them."""
+        """Return the rules as a Markdown table, for notebooks."""
         rows = (
             [*(label.name for label in labels), f"{value:.3g}"] for labels, value in self.rules()
         )
@@ -163,10 +169,13 @@ class FuzzySystem:
 
 
 def check_size(shape: Sequence[int]) -> None:
-    """Refuse more rules than anybody reads.
+    """Check the number of rules.
+
+    Args:
+        shape: the number of labels of each input.
 
     Raises:
-        RulesError: there would be more than :data:`MOST_RULES`.
+        RulesError: if there would be more than :data:`MOST_RULES` rules.
     """
     if prod(shape) > MOST_RULES:
         counts = " × ".join(map(str, shape))
@@ -174,10 +183,7 @@ def check_size(shape: Sequence[int]) -> None:
 
 
 def fit_names(system: FuzzySystem) -> FuzzySystem:
-    """The same with names that every format takes: ASCII words, without regard to case different.
-
-    Names that are such words already stay as they are.
-    """
+    """Rename variables and labels by :func:`fit_words`, so that every format accepts them."""
     *names, output = fit_words([*(variable.name for variable in system.inputs), system.output])
     inputs = [
         Variable(
@@ -197,7 +203,7 @@ def fit_names(system: FuzzySystem) -> FuzzySystem:
 _KEYWORDS = {
     *("if", "then", "is", "and", "or", "not", "with"),
     *("any", "extremely", "seldom", "somewhat", "very"),  # FuzzyLite's hedges
-    # FuzzyLite's functions, which its C++ library takes a term of that name for
+    # FuzzyLite's functions, since its C++ library mistakes a term of that name for the function
     *("abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "ceil", "cos", "cosh"),
     *("eq", "exp", "fabs", "floor", "fmod", "ge", "gt", "le", "log", "log10", "log1p", "lt"),
     *("max", "min", "neq", "pi", "pow", "round", "sin", "sinh", "sqrt", "tan", "tanh"),
@@ -206,7 +212,10 @@ _KEYWORDS = {
 
 
 def fit_words(names: Sequence[str]) -> list[str]:
-    """Names as words of letters, digits and _, all different even without regard to case."""
+    """Turn names into words of ASCII letters, digits and _ that differ even if case is ignored.
+
+    Such words stay as they are, except for keywords of the formats.
+    """
     taken: set[str] = set()
     fitted = []
     for name in names:
@@ -226,13 +235,17 @@ def _is_word(name: str) -> bool:
 
 
 def observed(variables: Sequence[Variable], observation: Mapping[str, float]) -> Tensor:
-    """The numbers of an observation, by the names of its variables, as a point.
+    """Return an observation as a tensor, in the order of the variables.
+
+    Args:
+        variables: the variables.
+        observation: a number for each variable by name.
 
     Returns:
         ``[variables]``, float64.
 
     Raises:
-        RulesError: one is missing, or unknown.
+        RulesError: if a variable is missing or a name is unknown.
     """
     names = [variable.name for variable in variables]
     for name in observation:

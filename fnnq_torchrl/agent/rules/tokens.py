@@ -1,4 +1,4 @@
-"""A line of a file of rules as words and numbers, each with its place."""
+"""Split a line of a file of rules into tokens with their places."""
 
 import re
 from collections.abc import Iterable
@@ -12,22 +12,22 @@ _TOKEN = re.compile(r"[^\s,:()\[\]]+|[,:()\[\]]")
 
 @dataclass(frozen=True)
 class Token:
-    """A piece of a line without spaces."""
+    """A piece of a line without spaces, and its place."""
 
     text: str
     place: Place
 
     def error(self, message: str) -> RulesError:
-        """The error of this token, which it shows."""
+        """Return an error whose message gives the token's place and text."""
         return self.place.error(f"{shown(self.text)}: {message}")
 
 
 class Tokens:
-    """The pieces of a line, taken one after the other.
+    """The tokens of a line, read one after the other.
 
     Args:
         text: the line.
-        place: where it begins.
+        place: the place where the line begins.
     """
 
     def __init__(self, text: str, place: Place) -> None:
@@ -39,14 +39,14 @@ class Tokens:
         self._end = Place(place.file, place.line, place.column + len(text.rstrip()))
 
     def peek(self) -> str:
-        """The next piece's text; empty at the end."""
+        """Return the next token's text without reading it; empty at the end."""
         return self._all[self._next].text if self._next < len(self._all) else ""
 
     def take(self, expected: str) -> Token:
-        """The next piece.
+        """Read the next token.
 
         Args:
-            expected: what it should be, for the message if there is none.
+            expected: the expected token in words, for the message if the line ends here.
         """
         if self._next == len(self._all):
             raise self._end.error(f"the line ends here; expected {expected}")
@@ -54,18 +54,18 @@ class Tokens:
         return self._all[self._next - 1]
 
     def word(self, *words: str) -> Token:
-        """The next piece, which must be one of these words; their case doesn't matter."""
+        """Read the next token, which must be one of these lower-case words in any case."""
         token = self.take(" or ".join(words))
         if token.text.lower() not in words:
             raise token.error(f"expected {' or '.join(words)}")
         return token
 
     def one_of(self, names: Iterable[str], what: str) -> Token:
-        """The next piece, which must be one of these names, as they are written.
+        """Read the next token, which must be one of these names in the same case.
 
         Args:
             names: the names.
-            what: they name, for the message.
+            what: the kind of thing that they name, for the message.
         """
         known, token = [*names], self.take(what)
         if token.text not in known:
@@ -73,28 +73,28 @@ class Tokens:
         return token
 
     def number(self, what: str = "a number", *, finite: bool = True) -> float:
-        """The next piece, which must be a number."""
+        """Read the next token, which must be a number."""
         token = self.take(what)
         return number(token, what, finite=finite)
 
     def numbers(self) -> list[float]:
-        """All numbers up to the end."""
+        """Read all tokens up to the end, which must be numbers."""
         found = []
         while self.peek():
             found.append(self.number())
         return found
 
     def end(self) -> None:
-        """Refuse what is left of the line."""
+        """Check that the line ends here."""
         if self._next < len(self._all):
             raise self._all[self._next].error("expected the end of the line")
 
 
 def number(token: Token, what: str = "a number", *, finite: bool = True) -> float:
-    """The number that a token is.
+    """Convert a token to a number.
 
     Raises:
-        RulesError: it is none, or isn't finite where it must be.
+        RulesError: if it isn't a number, is NaN, or is infinite although ``finite`` is set.
     """
     if len(token.text) > 400 or "_" in token.text:
         raise token.error(f"expected {what}")

@@ -21,14 +21,14 @@ from .labels import Labels, LabelsValue
 class FNNQValue(LabelsValue):
     """A zero-order Takagi–Sugeno rule base, with a rule for every combination of labels.
 
-    «If bearing is S₁ … and action is A₁ then the value is w₁₁.» The memberships are fixed. The
-    t-norm is the product by default, and the defuzzifier is the weighted average. Only the
-    consequents w learn; they are singletons and start at zero (paper, eq. 6–9).
+    An example: «If bearing is S₁ … and action is A₁ then the value is w₁₁.» The t-norm is the
+    product by default, and the defuzzifier is the weighted average. The memberships are fixed: only
+    the consequents w are learned. They are singletons and start at zero (paper, eq. 6–9).
 
     Args:
-        inputs, action, candidates: as of :class:`fnnq_torchrl.agent.values.labels.LabelsValue`.
+        inputs, action, candidates: as in :class:`fnnq_torchrl.agent.values.labels.LabelsValue`.
         t_norm: ``"product"`` or ``"minimum"``.
-        **others: as of that class, and so are the errors.
+        **others: the other arguments of ``LabelsValue``, which raises the same errors.
     """
 
     schema = FuzzyConfig
@@ -68,7 +68,7 @@ class FNNQValue(LabelsValue):
         return normalised(log_degrees)
 
     def _shares(self, i: int, x: Tensor) -> Tensor:
-        # With the minimum nothing factors: the rules are combined from the degrees themselves.
+        # With the minimum, rule strengths don't factor into shares, so the log degrees are used.
         return self._log_degrees(i, x) if self.t_norm == "minimum" else super()._shares(i, x)
 
     def _average(
@@ -82,18 +82,18 @@ _MOVES = ("middle", "gaps", "widths")
 
 
 class LearnedLabelsValue(FNNQValue):
-    """The fuzzy neural network with Gaussians whose centres and widths are learned, too.
+    """The fuzzy neural network with Gaussian labels whose centres and widths are learned, too.
 
-    The labels of dimension i, the inputs and last the action, are moved by parameters of every run,
-    all 0 at the start: ``middle_i`` ``[runs, 1]`` moves all together, ``gaps_i`` ``[runs, labels −
-    1]`` neighbours apart, and ``widths_i`` ``[runs, labels]`` widens each
-    (:func:`fnnq_torchrl.equations.membership.moved_labels`). So any step of them keeps the labels'
-    order and a least width.
+    Dimension i is an input or, last, the action. Each run has three parameters per dimension, all 0
+    at the start: ``middle_i`` ``[runs, 1]`` shifts all labels, ``gaps_i`` ``[runs, labels − 1]``
+    moves neighbours apart, and ``widths_i`` ``[runs, labels]`` widens each label. Any values of
+    them keep the labels' order and a least width
+    (:func:`fnnq_torchrl.equations.membership.moved_labels`).
 
     Args:
-        inputs, action, candidates: as of :class:`FNNQValue`; all labels are Gaussian.
-        least_width: no label is narrower than this share of its width at the start.
-        **others: as of that class, and so are the errors.
+        inputs, action, candidates: as in :class:`FNNQValue`; all labels must be Gaussian.
+        least_width: the least width of a label, as a share of its width at the start.
+        **others: the other arguments of ``FNNQValue``, which raises the same errors.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class LearnedLabelsValue(FNNQValue):
         return found
 
     def _remember_candidates(self) -> None:
-        """Nothing stays: their labels move."""
+        """Keep nothing: the candidates' shares change as the labels move."""
 
     def _candidate_shares(self) -> Tensor:
         return self._shares(len(self._labels) - 1, self.candidates.unsqueeze(-1))
@@ -135,7 +135,7 @@ class LearnedLabelsValue(FNNQValue):
         return log_membership(x, *self._moved(i))
 
     def _moved(self, i: int) -> tuple[Tensor, Tensor]:
-        """The centres of dimension i and the inverses of the widths, ``[labels, runs]``."""
+        """Return the present centres and inverse widths of dimension i, each ``[labels, runs]``."""
         moves = {
             name: runs_last(getattr(self, f"{name}_{i}"))
             for name in _MOVES

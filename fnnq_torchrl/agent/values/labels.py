@@ -40,7 +40,8 @@ class LabelsValue(ValueNetwork):
         action: the labels of the action.
         candidates: the candidate actions, ``[candidates]``, in the network's dtype and device.
         width: the meaning of the second number of (centre, width), ``"sigma"`` or ``"variance"``.
-        elsewhere: the label that fires where none does: the ``"nearest"``, or none (``"zero"``).
+        elsewhere: the label that fires for a number outside of all labels: the ``"nearest"``, or
+            none (``"zero"``).
         runs: the number of runs in the batch; a network of one run takes inputs of any batch size.
 
     Raises:
@@ -129,27 +130,32 @@ class LabelsValue(ValueNetwork):
     def _average(
         self, consequents: Tensor, shares: Sequence[Tensor], action_shares: Tensor
     ) -> Tensor:
-        """Q of every action; arguments and result as of :func:`defuzzify`."""
+        """Return Q of every action; arguments and result as in :func:`defuzzify`."""
         return defuzzify(consequents, shares, action_shares)
 
     def _remember_candidates(self) -> None:
-        """Keep the candidates' shares: they never change, and neither do their labels."""
+        """Compute the candidates' shares once: neither they nor the labels ever change."""
         shares = self._shares(len(self._labels) - 1, self.candidates.unsqueeze(-1))
         self.register_buffer("candidate_shares", shares, persistent=False)
 
     def _candidate_shares(self) -> Tensor:
-        """What the candidates have of each action label, ``[labels, candidates, runs or 1]``."""
+        """Return φ of each action label for the candidates, ``[labels, candidates, runs or 1]``."""
         return self.candidate_shares
 
     def _shares(self, i: int, x: Tensor) -> Tensor:
-        """What numbers have of each label of dimension i, ``[labels, ..., runs]``."""
+        """Return φ of each label of dimension i, ``[labels, ..., runs]``.
+
+        Args:
+            i: the index of an input, or the number of inputs for the action.
+            x: the numbers, ``[..., runs]``.
+        """
         log_degrees = self._log_degrees(i, x)
         if self.elsewhere == "zero" and _all_compact(self._labels[i]):
             return zero_where_silent(self.shares, log_degrees)
         return self.shares(log_degrees)
 
     def _log_degrees(self, i: int, x: Tensor) -> Tensor:
-        """Log μ of every label of dimension i, ``[labels, ..., runs]``."""
+        """Return log μ of each label of dimension i; arguments and shape as in :meth:`_shares`."""
         labels = self._labels[i]
         if _all_gaussian(labels):
             gaussians = (self.get_buffer(f"{of}_{i}") for of in ("centres", "inverse_widths"))

@@ -13,17 +13,17 @@ from .labels import Labels
 
 
 class FNNQSumValue(ValueNetwork):
-    """Rule bases that add up: Q(s, a) = Σ_g Q_g(s_g, a), with Q_g of :class:`.FNNQValue`.
+    """A sum of rule bases: Q(s, a) = Σ_g Q_g(s_g, a), with each Q_g an :class:`.FNNQValue`.
 
-    A full rule base has a rule for every combination of all inputs' labels. A sum has far fewer: in
-    each group a rule for every combination of the labels of its inputs and the action. All
-    consequents start at zero and learn together.
+    A full rule base has a rule for every combination of the labels of all inputs and the action.
+    Here each group g has a rule for every combination of its own inputs' and the action's labels,
+    which makes far fewer rules. All consequents start at zero and are learned together.
 
     Args:
-        inputs, action, candidates: as of :class:`.FNNQValue`.
-        rules: the groups, each a list of inputs' names.
+        inputs, action, candidates: as in :class:`.FNNQValue`.
+        rules: the groups, each a list of input names.
         runs: the number of runs in the batch.
-        **others: as of that class, and so are the errors.
+        **others: the other arguments of ``FNNQValue``, which raises the same errors.
     """
 
     schema = SumConfig

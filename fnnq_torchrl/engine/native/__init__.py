@@ -1,16 +1,16 @@
-"""Compiles a step for CPUs: what one run computes, written out in C++ on vectors of lanes.
+"""A compiler from a step to C++ for CPUs: one run's computation, on vectors of lanes.
 
-The way from a step to a program:
+A lane is the place of one run in a batch. The stages:
 
-1. :mod:`fnnq_torchrl.engine.graphs` traces the step for two runs: one graph of torch's operations.
-2. :mod:`.executor` carries that graph out on arrays of scalar expressions
-   (:mod:`.arrays`, :mod:`.expressions`). Views and broadcasts are gone then, and what is computed
-   twice is found. Small dimensions are written out, an expression for each number. Of large ones
-   there is one expression for all numbers, a family, which depends on a loop's variable.
-3. :mod:`.loop` compares the two runs: each must do the same with its own numbers alone.
-4. :mod:`.nests` puts what one run computes in an order, families in loops. Sums share the loop of
-   the products that they add up.
-5. :mod:`.source` writes the program, :mod:`.build` compiles it and keeps it.
+1. :mod:`fnnq_torchrl.engine.graphs` traces the step for two runs into a graph of torch operations.
+2. :mod:`.executor` interprets the graph on arrays of symbolic scalar expressions (:mod:`.arrays`,
+   :mod:`.expressions`). This removes views and broadcasts, and merges equal expressions. A small
+   dimension has an expression for each element. A large one has a single expression for all its
+   elements, a family, which depends on a loop variable.
+3. :mod:`.loop` compares the two runs: each must compute the same function of its own state alone.
+4. :mod:`.nests` orders one run's expressions and puts families in loops. A sum shares the loop of
+   the products that it adds up.
+5. :mod:`.source` writes the C++ program; :mod:`.build` compiles and caches it.
 """
 
 from .build import cache_directory, compiler, compiler_found

@@ -1,8 +1,9 @@
-"""Arrays of scalar expressions, of which large dimensions are written as families.
+"""Arrays of scalar expressions, in which a large dimension is a family.
 
-A dimension is either *explicit*, with an expression for each of its numbers, or it has *axes*: one
-expression then stands for all of its numbers, and depends on the axes (`Expression.axes`). Several
-axes are one dimension that was several before, the last one varying fastest.
+A dimension is either *explicit*, with an expression for each element, or it has *axes*. One
+expression then stands for all its elements and depends on the axes, which are loop variables
+(`Expression.axes`). A dimension with several axes was merged from several dimensions; its last axis
+varies fastest. A leaf is one tensor of the step's flattened input TensorDicts.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -17,10 +18,10 @@ from torch import Tensor
 from .expressions import LARGE, Axis, Expression, Expressions, Place, Unsupported
 
 _MANY = 64
-"""Numbers of a leaf from which on smaller dimensions get axes, too."""
+"""In a leaf with more elements than this, smaller dimensions get axes, too."""
 
 _MOST_EXPLICIT = 2**14
-"""Expressions of an array at most."""
+"""The most expressions in one array."""
 
 Values = np.ndarray[Any, Any]
 Axes = tuple[Axis, ...]
@@ -31,9 +32,9 @@ class Array:
     """An array of expressions.
 
     Attributes:
-        make: makes them.
-        values: of dtype object; 1 along dimensions that have axes.
-        axes: of each dimension; () if it is explicit.
+        make: the factory of its expressions.
+        values: the expressions, dtype object; the size is 1 along each dimension that has axes.
+        axes: each dimension's axes; () for an explicit dimension.
     """
 
     make: Expressions
@@ -42,12 +43,12 @@ class Array:
 
     @classmethod
     def of(cls, make: Expressions, values: Values) -> Self:
-        """Explicit expressions."""
+        """Return an array with all dimensions explicit."""
         return cls(make, values, ((),) * values.ndim)
 
     @classmethod
     def all(cls, make: Expressions, value: Expression, shape: Sequence[int]) -> "Array":
-        """The same value everywhere."""
+        """Return an array with the same value everywhere."""
         one = np.empty((1,) * len(shape), dtype=object)
         one[...] = value
         return cls(make, one, ((),) * len(shape)).expanded(shape)
@@ -64,22 +65,22 @@ class Array:
         return self.values.ndim
 
     def each(self, function: Callable[[Expression], Expression]) -> "Array":
-        """A function of each expression."""
+        """Apply a function to each expression."""
         return each(function, self)
 
     def transposed(self, dims: Sequence[int]) -> "Array":
-        """The dimensions in another order."""
+        """Permute the dimensions."""
         axes = tuple(self.axes[dim] for dim in dims)
         return Array(self.make, self.values.transpose(dims), axes)
 
     def moved(self, dim: int, to: int) -> "Array":
-        """One dimension at another place."""
+        """Move one dimension to another position."""
         dims = [*range(self.ndim)]
         dims.insert(to % self.ndim, dims.pop(dim % self.ndim))
         return self.transposed(dims)
 
     def expanded(self, shape: Sequence[int]) -> "Array":
-        """Broadcast to a shape; a large dimension gets an axis of which nothing depends."""
+        """Broadcast to a shape; a new large dimension gets an axis on which no value depends."""
         missing = len(shape) - self.ndim
         values = self.values.reshape((1,) * missing + self.values.shape)
         axes = [*((),) * missing, *self.axes]
@@ -91,7 +92,7 @@ class Array:
         return Array(self.make, np.broadcast_to(values, explicit), tuple(axes))
 
     def reshaped(self, shape: Sequence[int]) -> "Array":
-        """Another shape of as many numbers."""
+        """Reshape the array; it becomes explicit if its axes don't fit the new shape."""
         plan = _regrouped(self, shape)
         if plan is None:
             whole = self.explicit()
@@ -99,10 +100,10 @@ class Array:
         return plan
 
     def explicit(self, *dims: int) -> "Array":
-        """These dimensions, or all, with an expression for each number.
+        """Make these dimensions explicit, or all if none are given.
 
         Raises:
-            Unsupported: that would be too many.
+            Unsupported: if that takes too many expressions.
         """
         array = self
         for dim in dims or range(self.ndim):
@@ -118,7 +119,13 @@ class Array:
         return array
 
     def along(self, dim: int, chain: Axes, *, rolled: bool = True) -> "Array":
-        """An explicit dimension as a family along axes, by a formula for all if there is one."""
+        """Turn an explicit dimension into a family along axes.
+
+        Args:
+            dim: the dimension.
+            chain: the axes.
+            rolled: whether to look for one formula for all elements, which needs no memory.
+        """
         values = np.moveaxis(self.values, dim, -1)
         for axis in chain[::-1]:
             rows = values.reshape(*values.shape[:-1], -1, axis.size)
@@ -129,7 +136,7 @@ class Array:
         return Array(self.make, np.moveaxis(values, -1, dim), axes)
 
     def fold(self, dims: Sequence[int], op: str) -> "Array":
-        """All numbers along some dimensions, which stay with a size of 1, joined in order."""
+        """Reduce some dimensions to size 1 by a binary operation, element after element."""
         along = sorted(dim % self.ndim for dim in dims)
         kept = [dim for dim in range(self.ndim) if dim not in along]
         sizes = [self.values.shape[dim] for dim in kept]
@@ -145,7 +152,7 @@ class Array:
         return Array(self.make, np.expand_dims(folded, tuple(along)), axes)
 
     def elements(self) -> Iterator[tuple[Place, Expression]]:
-        """The expressions, each with its place among the elements in their order in memory."""
+        """Return each expression with its index in the flattened, row-major array."""
         steps = [prod(self.shape[dim + 1 :]) for dim in range(self.ndim)]
         for place in np.ndindex(*self.values.shape):
             base, strides = 0, []
@@ -161,7 +168,7 @@ class Array:
 
 
 def _map(function: Callable[..., Expression], *arrays: Values) -> Values:
-    # Of arrays without dimensions NumPy makes the bare element.
+    # For a zero-dimensional array, NumPy returns the bare element.
     return np.asarray(np.frompyfunc(function, len(arrays), 1)(*arrays), dtype=object)
 
 
@@ -170,17 +177,18 @@ def _at(make: Expressions, chain: Axes, place: Sequence[int], value: Expression)
 
 
 def each(function: Callable[..., Expression], *arrays: Array) -> Array:
-    """A function of expressions on each element of what is broadcast."""
+    """Broadcast arrays and apply a function of expressions element by element."""
     aligned = align(arrays)
     values = _map(function, *(array.values for array in aligned))
     return Array(aligned[0].make, values, aligned[0].axes)
 
 
 def align(arrays: Sequence[Array]) -> list[Array]:
-    """Broadcast arrays: the same dimensions, with the same axes.
+    """Broadcast arrays to the same dimensions with the same axes.
 
-    Where one has axes and another hasn't, the other is made a family; where they have different
-    ones, one takes the other's. What is folded or kept in memory keeps its own if it can.
+    If only some arrays have axes in a dimension, the others become families there. If they have
+    different axes of the same sizes, all take the axes of one; arrays that are reduced or kept in
+    memory come first in that choice. If the sizes differ, the dimension becomes explicit.
     """
     ndim = max(array.ndim for array in arrays)
     arrays = [
@@ -198,7 +206,7 @@ def align(arrays: Sequence[Array]) -> list[Array]:
         chain = min(chains, key=lambda chain: _preference(chains[chain], chain), default=())
         if len({tuple(axis.size for axis in other) for other in chains}) > 1:
             return align([array.explicit(dim) for array in arrays])
-        if used.intersection(chain):  # the same twice would be a diagonal
+        if used.intersection(chain):  # an axis in two dimensions would mean the diagonal
             make = arrays[0].make
             chain = tuple(make.axis(axis.size, "beside", axis, dim) for axis in chain)
         used.update(chain)
@@ -212,7 +220,7 @@ def _preference(array: Array, chain: Axes) -> tuple[bool, list[int]]:
 
 
 def _on(array: Array, chosen: Sequence[Axes]) -> Array:
-    """An array on these axes."""
+    """Rewrite an array so that its dimensions have these axes."""
     where: dict[Axis, Axis | int] = {}
     for old, new in zip(array.axes, chosen, strict=True):
         where |= zip(old, new if old else (), strict=True)
@@ -232,14 +240,14 @@ def _on(array: Array, chosen: Sequence[Axes]) -> Array:
 
 
 def _regrouped(array: Array, shape: Sequence[int]) -> Array | None:
-    """The array in another shape, if no axis must be taken apart for it."""
-    sizes: list[int] = []  # of the array's numbers, axis by axis
+    """Reshape an array; None if an axis would have to be split."""
+    sizes: list[int] = []  # one for each axis or explicit dimension
     axes: list[Axis | None] = []
     for size, chain in zip(array.values.shape, array.axes, strict=True):
         sizes += [axis.size for axis in chain] if chain else [size]
         axes += chain or [None]
     parts = [(size, axis) for size, axis in zip(sizes, axes, strict=True) if size > 1]
-    # Explicit parts are split where the shape asks for it; then each dimension takes its parts.
+    # Explicit parts are split if the new shape needs it; each new dimension is a list of parts.
     split: list[tuple[int, Axis | None]] = []
     dims: list[list[int]] = []
     for size in shape:
@@ -260,7 +268,7 @@ def _regrouped(array: Array, shape: Sequence[int]) -> Array | None:
         dims.append(mine)
     bare = array.values.reshape([1 if axis else size for size, axis in split] or [])
     one = Array(array.make, bare, tuple((axis,) if axis else () for _, axis in split))
-    for mine in dims:  # what is explicit beside an axis gets one, too
+    for mine in dims:  # an explicit part merged with an axis gets an axis, too
         if any(split[part][1] for part in mine):
             for part in mine:
                 size, axis = split[part]
@@ -275,7 +283,7 @@ def _regrouped(array: Array, shape: Sequence[int]) -> Array | None:
 
 
 def constants(tensor: Tensor, make: Expressions, *key: object) -> Array:
-    """A tensor's elements, large dimensions as tables."""
+    """Return a constant tensor as an array; a large dimension becomes a table."""
     chains = tuple(
         (make.axis(size, "constant", *key, dim),) if make.is_large(size) else ()
         for dim, size in enumerate(tensor.shape)
@@ -285,7 +293,10 @@ def constants(tensor: Tensor, make: Expressions, *key: object) -> Array:
 
 
 def large_sizes(shapes: Iterable[Sequence[int]]) -> set[int]:
-    """Sizes of the leaves' dimensions that get axes: from the first one on, till few are left."""
+    """Return the sizes of the leaves' dimensions that get axes.
+
+    In a leaf of many elements, the leading dimensions get axes until few elements are left.
+    """
     sizes = set[int]()
     for shape in shapes:
         for dim, size in enumerate(shape):
@@ -295,9 +306,9 @@ def large_sizes(shapes: Iterable[Sequence[int]]) -> set[int]:
 
 
 def inputs(tensor: Tensor, make: Expressions, leaf: int) -> Array:
-    """A leaf's elements in two lanes, ``[..., 2]``; those of a large one as families.
+    """Return a leaf's elements for two lanes, ``[..., 2]``; its large dimensions are families.
 
-    Leaves of one shape share their axes: they are a layer's weights, its traces and its snapshot.
+    Leaves of the same shape share their axes, such as a layer's weights and their traces.
     """
     shape = tensor.shape[:-1]
     chains: tuple[Axes, ...] = tuple(

@@ -1,4 +1,4 @@
-"""From a program's text to a function that can be called."""
+"""Compile a C++ program, cache it and load its function."""
 
 import ctypes
 import functools
@@ -23,7 +23,7 @@ _log = logging.getLogger(__name__)
 
 _FLAGS = (
     "-std=c++17 -O1 -ftree-vectorize -fopenmp-simd -shared -fPIC -w "
-    # Each operation is rounded once, as in torch, whatever stands beside it.
+    # No fused multiply-add: each operation is rounded once, as in torch.
     "-ffp-contract=off -fwrapv -fno-math-errno -fno-trapping-math "
 )
 _FLAGS += (
@@ -34,12 +34,12 @@ _FLAGS += (
 
 
 def compiler() -> str:
-    """The C++ compiler that CXX names, options of its own included, or the system's."""
+    """Return the C++ compiler's command: that of CXX, which may have options, or the default."""
     return os.environ.get("CXX") or ("clang++" if sys.platform == "darwin" else "g++")
 
 
 def compiler_found() -> bool:
-    """Whether that compiler is there, and works as far as that can be told in no time."""
+    """Return whether the compiler exists and preprocesses an empty file, which is a fast check."""
     if shutil.which(shlex.split(compiler())[0]) is None:
         return False
     try:
@@ -50,9 +50,9 @@ def compiler_found() -> bool:
 
 
 def cache_directory() -> Path:
-    """Where programs are kept, for later jobs to find them.
+    """Return the directory that caches compiled programs for later jobs.
 
-    If nothing can be kept there, a directory of this process alone.
+    If the user's cache isn't writable, it is a temporary directory of this process.
     """
     home = os.environ.get("XDG_CACHE_HOME", "")
     return _writable(home if Path(home).is_absolute() else "~/.cache")
@@ -67,7 +67,7 @@ def _writable(home: str) -> Path:
             return directory
     except (OSError, RuntimeError) as error:  # without a home there is no ~
         _log.info(
-            "compiled programs are not kept: %s; XDG_CACHE_HOME says where they can be", error
+            "compiled programs aren't cached: %s; set XDG_CACHE_HOME to a writable directory", error
         )
         return Path(_for_this_process().name)
 
@@ -78,13 +78,13 @@ def _for_this_process() -> tempfile.TemporaryDirectory[str]:
 
 
 def build(text: str) -> Callable[..., Any]:
-    """The function ``run`` of a C++ program.
+    """Return the function ``run`` of a C++ program, compiling the program if it isn't cached.
 
-    While it runs, other threads of Python's go on.
+    The function releases the GIL.
 
     Raises:
-        ConfigError: there is no compiler, or it fails, or what it makes can't be loaded.
-        OSError: the disk is full.
+        ConfigError: if there is no compiler, it fails, or its library can't be loaded.
+        OSError: if the library can't be written, for example on a full disk.
     """
     digest = hashlib.sha256(f"{_target(compiler())}\n{_FLAGS}\n{text}".encode()).hexdigest()
     library = cache_directory() / "native" / f"{digest[:32]}.so"
@@ -92,7 +92,7 @@ def build(text: str) -> Callable[..., Any]:
         _make(library, text)
     try:
         run = ctypes.CDLL(str(library)).run
-    except (OSError, AttributeError):  # damaged, or of another machine
+    except (OSError, AttributeError):  # damaged, or built on another machine
         _make(library, text)
         try:
             run = ctypes.CDLL(str(library)).run
@@ -105,14 +105,14 @@ def build(text: str) -> Callable[..., Any]:
 
 def _make(library: Path, text: str) -> None:
     library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    # Other jobs may be at the same program: each writes a file of its own, one of them stays.
+    # Other jobs may compile the same program now: each writes its own file, and the last one wins.
     with atomic_write(library) as file:
         _compile(compiler(), ["-x", "c++", *_FLAGS.split(), "-", "-o", file.name], text)
 
 
 @functools.cache
 def _target(compiler: str) -> str:
-    """What the compiler is and what it compiles for: a cache may be shared by several machines."""
+    """Return the compiler's predefined macros: they tell apart the machines that share a cache."""
     return _compile(compiler, [*_FLAGS.split(), "-dM", "-E", "-x", "c++", os.devnull], "")
 
 
@@ -127,18 +127,18 @@ def _compile(compiler: str, arguments: list[str], text: str) -> str:
             capture_output=True,
             check=True,
             env=english,
-            start_new_session=True,  # Ctrl-C is for us, who may want to save first
+            start_new_session=True,  # Ctrl-C must not end it: we may want to save first
         )
     except (OSError, subprocess.CalledProcessError) as error:
         raise ConfigError(
-            f"engine=compiled: the C++ compiler {compiler} doesn't work; engine=eager takes none. "
+            f"engine=compiled: the C++ compiler {compiler} doesn't work; engine=eager needs none. "
             f"It says: {_complaint(error)}"
         ) from error
     return done.stdout
 
 
 def _complaint(error: OSError | subprocess.CalledProcessError) -> str:
-    """In one line."""
+    """Return the compiler's error in one line."""
     if isinstance(error, OSError):
         return str(error)
     if error.returncode < 0:

@@ -1,4 +1,4 @@
-"""Calls of torch's operations, carried out on arrays of scalar expressions."""
+"""Calls of torch operations, interpreted on arrays of scalar expressions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from .arrays import Array, each
 from .expressions import Expression, Expressions
 
 Operation = Callable[..., Any]
-"""A function of a `Call` and the operation's own arguments, tensors as arrays of expressions."""
+"""A function of a `Call` and the operation's arguments, in which arrays stand for tensors."""
 
 
 class Operations(dict[Any, Operation]):
-    """The functions that carry operations out, by torch's operation (its overload packet)."""
+    """The functions that interpret torch operations, by the operation's overload packet."""
 
     def register(self, *packets: Any) -> Callable[[Operation], Operation]:
-        """Return a decorator that has a function carry these operations out."""
+        """Return a decorator that registers a function for these operations."""
 
         def decorate(function: Operation) -> Operation:
             self.update(dict.fromkeys(packets, function))
@@ -28,13 +28,13 @@ class Operations(dict[Any, Operation]):
 
 @dataclass(frozen=True)
 class Call:
-    """One call of an operation, as torch has it, and the arithmetic to write it out with.
+    """One call of an operation in the traced graph, with helpers to build its result.
 
     Attributes:
-        make: makes the expressions.
-        packet: the operation.
-        args: its arguments; tensors are torch's fake ones, which have a shape and a dtype.
-        result: the fake tensor that it returns; the first one, if there are several.
+        make: the factory of expressions.
+        packet: the operation's overload packet.
+        args: the call's arguments; tensors are fake tensors, with a shape and a dtype only.
+        result: the fake tensor that the call returns; the first, if it returns several.
     """
 
     make: Expressions
@@ -43,7 +43,7 @@ class Call:
     result: Any
 
     def cast(self, values: Array | float, dtype: torch.dtype) -> Array:
-        """Return the same numbers in another dtype."""
+        """Convert values to another dtype."""
         if not isinstance(values, Array):
             return Array.all(self.make, self.make.constant(values, dtype), ())
         return each(lambda value: self.make.cast(value, dtype), values)
@@ -51,18 +51,24 @@ class Call:
     def pointwise(
         self, *operands: Array | float, op: str, computed_in: torch.dtype | None = None
     ) -> Array:
-        """An operation on each element of what is broadcast, in the result's dtype by default."""
+        """Broadcast operands and apply an operation element by element.
+
+        Args:
+            *operands: arrays or numbers.
+            op: the operation of `Expression.op`.
+            computed_in: the operands' dtype; the result's, if not given.
+        """
         dtype = self.result.dtype
         arrays = [self.cast(operand, computed_in or dtype) for operand in operands]
         return each(lambda *values: self.make(op, dtype, *values), *arrays)
 
     def fold(self, values: Array, dims: Sequence[int], keepdim: bool, op: str) -> Array:
-        """All numbers along some dimensions, or along all, joined one after the other."""
+        """Reduce dimensions, or all if ``dims`` is empty, by a binary operation."""
         folded = values.fold(dims or range(values.ndim), op)
         return folded if keepdim else folded.reshaped(self.result.shape)
 
     def pick(self, choices: Sequence[Expression], index: Any) -> Expression:
-        """Return the choice of that number; a negative one counts from the end."""
+        """Return ``choices[index]``; a negative index counts from the end."""
         dtype, size = self.result.dtype, len(choices)
 
         def number(value: int) -> Expression:
@@ -74,7 +80,7 @@ class Call:
         from_end = self.make("add", index.dtype, index, number(size))
         index = self.make("where", index.dtype, below, from_end, index)
         if all(choice.op == "constant" for choice in choices):
-            # Nothing but the table is ever read, whatever a diverged run comes up with.
+            # The index is clamped: a diverged run must not read beyond the table.
             index = self.make("maximum", index.dtype, index, number(0))
             index = self.make("minimum", index.dtype, index, number(size - 1))
             return self.make.lookup(tuple(choice.args[0] for choice in choices), index, dtype)

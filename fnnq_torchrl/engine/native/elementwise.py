@@ -1,4 +1,4 @@
-"""Operations on each element on its own."""
+"""Element-by-element operations."""
 
 from functools import partial
 from math import isfinite
@@ -35,7 +35,7 @@ for _packet, _name in {
 )
 def _shift(call: Call, values: Array, by: Array | int) -> Array:
     if not isinstance(by, int) or not 0 <= by < 8 * call.result.dtype.itemsize:
-        raise Unsupported("no translation for shifts by what isn't known")
+        raise Unsupported("no translation for shifts by a number that isn't constant")
     left = call.packet in (aten.__lshift__, aten.bitwise_left_shift)
     return call.pointwise(values, by, op="lshift" if left else "rshift")
 
@@ -62,20 +62,20 @@ def _div(
     call: Call, left: Array, right: Array | float, *, rounding_mode: str | None = None
 ) -> Array:
     if rounding_mode is not None:
-        raise Unsupported("no translation for division with a rest")
+        raise Unsupported("no translation for division with a rounding mode")
     return call.pointwise(left, right, op="div")
 
 
 @OPERATIONS.register(aten.remainder)
 def _remainder(call: Call, left: Array | float, right: Array | float) -> Array:
-    """With the sign of the divisor, as in Python."""
+    """The remainder, with the sign of the divisor, as in Python."""
     if not call.result.dtype.is_floating_point:
-        raise Unsupported("no translation for the division of whole numbers")
+        raise Unsupported("no translation for the remainder of whole numbers")
     if not isinstance(right, int | float) or not isfinite(right):
-        raise Unsupported("no translation for the rest of a division by what isn't known")
+        raise Unsupported("no translation for the remainder by a number that isn't constant")
     quotient = call.pointwise(call.pointwise(left, right, op="div"), op="floor")
     rest = call.pointwise(left, call.pointwise(quotient, right, op="mul"), op="sub")
-    # Where rounding has made the quotient too large by one.
+    # Corrects a quotient that rounding has made too large by one.
     signs = call.pointwise(rest, right, op="mul")
     zero = call.make.constant(0, call.result.dtype)
     below = each(lambda sign: call.make("lt", torch.bool, sign, zero), signs)

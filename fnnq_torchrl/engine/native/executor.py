@@ -1,9 +1,8 @@
-"""A traced step, carried out on arrays of scalar expressions: the step is written out.
+"""An interpreter that runs a traced step on arrays of scalar expressions.
 
-Views and broadcasts are gone then, and what is computed twice is found. Large dimensions stay one
-expression each, to become loops (:mod:`.arrays`). The operations are those of
-the core ATen set that a step is likely to have; composite ones come decomposed
-(:mod:`fnnq_torchrl.engine.graphs`).
+This removes views and broadcasts, and merges equal expressions. A large dimension stays one
+expression, which becomes a loop (:mod:`.arrays`). It knows the core ATen operations that a step is
+likely to have; tracing has decomposed composite ones (:mod:`fnnq_torchrl.engine.graphs`).
 """
 
 from typing import Any
@@ -22,8 +21,8 @@ class Executor(Interpreter):
     """Executes a graph of core ATen operations on arrays of expressions.
 
     Args:
-        graph: one whose nodes know what their results are like.
-        make: makes the expressions.
+        graph: a graph whose nodes have the fake tensor of their result in ``meta["val"]``.
+        make: the factory of expressions.
     """
 
     def __init__(self, graph: GraphModule, make: Expressions) -> None:
@@ -57,10 +56,10 @@ class Executor(Interpreter):
 
 
 def _check(result: Any, like: Any) -> None:
-    """Hold a result to the shape and the dtype that torch has for it.
+    """Check a result's shape and dtype against those of torch.
 
     Raises:
-        ValueError: it has others.
+        ValueError: if they differ.
     """
     if isinstance(like, tuple | list):
         for one, like_one in zip(result, like, strict=True):

@@ -1,8 +1,10 @@
-"""What a lane computes in a step: scalar expressions, each of them once.
+"""Symbolic scalar expressions, which describe what one lane computes in a step.
 
-An expression may stand for a whole family of numbers, one for each number of its axes: with the
-axes i and j, ``input(leaf, 64·i + j)`` is all the weights of a layer. What is done to a large
-tensor is then one expression, which the program computes in loops, and not one for each element.
+A lane is the place of one run in a batch; a leaf is one tensor of the step's flattened inputs.
+Equal expressions are one object. An expression that depends on axes (loop variables) is a family:
+it stands for a number at each value of its axes. With the axes i and j, ``input(leaf, 64·i + j)``
+is all the weights of a layer. An operation on a large tensor is then a single expression, which the
+program computes in loops.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
@@ -23,14 +25,14 @@ _OF_BOOLEANS = {
     "minimum": "bitwise_and",
 }
 LARGE = 24
-"""Numbers of a dimension from which on it is a family."""
+"""A dimension of at least this size is a family."""
 
 WHOLE = ("at", "fold", "pack", "pick")
-"""Operations that need, or are, more than one number of a family."""
+"""Operations that need several numbers of a family, or put several together to one."""
 
 
 class Unsupported(Exception):
-    """The step has something for which this compiler has no translation."""
+    """An operation in the step for which this compiler has no translation."""
 
 
 class Axis:
@@ -43,7 +45,7 @@ class Axis:
 
 
 Where = Mapping[Axis, "Axis | int"]
-"""What becomes of axes: other axes, or one of their numbers."""
+"""A substitution: for each axis, another axis or one value of it."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class Place:
     strides: tuple[tuple[Axis, int], ...] = ()
 
     def at(self, where: Where) -> "Place":
-        """The same with axes replaced."""
+        """Substitute axes in the index."""
         base, strides = self.base, dict[Axis, int]()
         for axis, stride in self.strides:
             target = where.get(axis, axis)
@@ -71,14 +73,15 @@ class Expression:
     Attributes:
         op: ``constant``, ``input``, ``table``, one of :data:`WHOLE`, or an operation on each
             number (:mod:`.source` has them).
-        dtype: of the number.
-        args: what it is computed from: expressions, but for ``constant`` (a Python number),
-            ``input`` (leaf, place, lane), ``table`` (Python numbers, place), ``lookup`` (Python
-            numbers, index), ``fold`` (operation, axis, operand), ``at`` (operand, and what becomes
-            of its axes), ``pack`` (axis, its numbers) and ``pick`` (operand, axis, index).
-        operands: those of ``args`` that are expressions.
-        axes: those that it depends on.
-        plain: whether nothing that depends on its axes is one of :data:`WHOLE`.
+        dtype: the number's dtype.
+        args: the operands; for these operations: ``constant`` (a Python number), ``input`` (leaf,
+            place, lane), ``table`` (Python numbers, place), ``lookup`` (Python numbers, index),
+            ``fold`` (operation, axis, operand), ``at`` (operand, substitution of its axes),
+            ``pack`` (axis, a number for each of its values), ``pick`` (operand, axis, index).
+        operands: the expressions among ``args``.
+        axes: the axes that it depends on.
+        plain: true if neither it nor any operand that depends on axes has an operation of
+            :data:`WHOLE`.
     """
 
     __slots__ = ("args", "axes", "dtype", "op", "operands", "plain")
@@ -95,7 +98,7 @@ class Expression:
 
 
 def in_order(results: Iterable[Expression]) -> list[Expression]:
-    """All that the results are computed from, each after its operands and near its first use."""
+    """Return results and all that they are computed from, each expression after its operands."""
     order: dict[Expression, None] = {}
     stack = [*results][::-1]
     while stack:
@@ -108,11 +111,11 @@ def in_order(results: Iterable[Expression]) -> list[Expression]:
 
 
 class Expressions:
-    """Makes expressions, simplified where that changes no bit of any result.
+    """A factory of expressions, with simplifications that leave every result bit for bit the same.
 
     Args:
-        most: how many different ones there may be.
-        large: sizes of dimensions that get axes, besides all from :data:`LARGE` on.
+        most: the most different expressions.
+        large: further sizes of dimensions that get axes, besides those of at least :data:`LARGE`.
     """
 
     def __init__(self, most: int, large: Set[int] = frozenset()) -> None:
@@ -123,15 +126,15 @@ class Expressions:
         self._families: dict[tuple[Axis, tuple[Expression, ...]], Expression | None] = {}
 
     def is_large(self, size: int) -> bool:
-        """Whether a dimension of that size is a family, and not written out."""
+        """Return whether a dimension of a size is a family rather than explicit."""
         return size >= LARGE or size in self._large
 
     def axis(self, size: int, *key: object) -> Axis:
-        """The axis of that key, always the same one."""
+        """Return the axis for a size and a key; equal keys get the same axis."""
         return self._axes.setdefault((size, *key), Axis(len(self._axes), size))
 
     def constant(self, value: float | bool, dtype: torch.dtype) -> Expression:
-        """A number that is known beforehand, as its dtype can hold it."""
+        """Return a constant, rounded or wrapped to its dtype."""
         if dtype is torch.bool:
             value = bool(value)
         elif dtype in (torch.int32, torch.int64):
@@ -139,17 +142,17 @@ class Expressions:
             value = (int(value) + half) % (2 * half) - half
         else:
             value = torch.tensor(value, dtype=dtype).item()
-        # The text tells 0.0 from -0.0, and one NaN from no other.
+        # By its text, 0.0 differs from -0.0, and NaN equals NaN.
         return self._one("constant", dtype, (value,), key=repr(value))
 
     def input(self, leaf: int, place: Place | int, lane: int, dtype: torch.dtype) -> Expression:
-        """An element of what a lane is given: ``leaf`` numbers the tensors."""
+        """Return an element of an input tensor, the leaf with this number."""
         place = Place(place) if isinstance(place, int) else place
         axes = frozenset(axis for axis, _ in place.strides)
         return self._one("input", dtype, (leaf, place, lane), axes=axes)
 
     def table(self, numbers: tuple[float, ...], place: Place, dtype: torch.dtype) -> Expression:
-        """The constant at a place among others."""
+        """Return the entry of a constant table at a place."""
         if not place.strides or all(repr(number) == repr(numbers[0]) for number in numbers):
             return self.constant(numbers[place.base], dtype)
         axes = frozenset(axis for axis, _ in place.strides)
@@ -157,11 +160,11 @@ class Expressions:
         return self._one("table", dtype, (numbers, place), key, axes)
 
     def lookup(self, table: tuple[float, ...], index: Expression, dtype: torch.dtype) -> Expression:
-        """The table's entry of that number, which must be one of them."""
+        """Return the table's entry at a computed index, which must be within the table."""
         return self._one("lookup", dtype, (table, index), key=(repr(table), index))
 
     def cast(self, value: Expression, dtype: torch.dtype) -> Expression:
-        """The same number in another dtype."""
+        """Convert a number to another dtype."""
         if value.dtype is dtype:
             return value
         if value.op == "constant" and value.args[0] == value.args[0]:
@@ -169,7 +172,7 @@ class Expressions:
         return self._one("cast", dtype, (value,))
 
     def fold(self, op: str, values: Expression, axis: Axis) -> Expression:
-        """The numbers along an axis joined, one after the other."""
+        """Reduce a family along an axis by a binary operation, in the order of the axis."""
         if values.dtype is torch.bool:
             op = _OF_BOOLEANS.get(op, op)
         if values.op == "pack" and values.args[0] is axis:
@@ -177,20 +180,20 @@ class Expressions:
         return self._one("fold", values.dtype, (op, axis, values), axes=values.axes - {axis})
 
     def pick(self, values: Expression, axis: Axis, index: Expression) -> Expression:
-        """The family's number at an index that each lane has for itself, and that must be one."""
+        """Return the family's number at an index, which may differ by lane and must be in range."""
         if axis not in values.axes:
             return values
         if values.op == "table" and values.axes == {axis}:
             numbers, place = values.args
             (stride,) = (step for _, step in place.strides)
             return self.lookup(numbers[place.base :: stride][: axis.size], index, values.dtype)
-        if values.op == "table":  # an array, of which each lane can take an element of its own
+        if values.op == "table":  # makes it an array, which each lane can index by itself
             values = self("copy", values.dtype, values)
         axes = (values.axes - {axis}) | index.axes
         return self._one("pick", values.dtype, (values, axis, index), axes=axes)
 
     def at(self, value: Expression, where: Where) -> Expression:
-        """The same with axes replaced, all at once."""
+        """Substitute axes in an expression, all at once."""
         where = {axis: to for axis, to in where.items() if axis in value.axes and axis is not to}
         if not where:
             return value
@@ -219,12 +222,12 @@ class Expressions:
         return self._one("at", value.dtype, (value, moves), axes=axes)
 
     def pack(self, values: Sequence[Expression], axis: Axis, *, rolled: bool = True) -> Expression:
-        """A family of given numbers: the values along an axis.
+        """Return the family that has given numbers along an axis.
 
         Args:
-            values: as many as the axis has numbers.
-            axis: it.
-            rolled: whether to look for one formula for all, which needs no memory.
+            values: one number for each value of the axis.
+            axis: the axis.
+            rolled: whether to look for one formula for all numbers, which needs no memory.
         """
         if rolled and (family := self._rolled(values, axis)) is not None:
             return family
@@ -232,9 +235,9 @@ class Expressions:
         return self._one("pack", values[0].dtype, (axis, *values), axes=axes)
 
     def __call__(self, op: str, dtype: torch.dtype, *args: Expression) -> Expression:
-        """The result of an operation."""
+        """Return the result of an operation, simplified."""
         if all(arg.dtype is torch.bool for arg in args):
-            if op in COMPARISONS:  # of numbers: a mask isn't one
+            if op in COMPARISONS:  # compares them as 0 and 1: a C++ mask is 0 or -1
                 args = tuple(self.cast(arg, torch.int32) for arg in args)
             op = _OF_BOOLEANS.get(op, op)
         if (simpler := _simpler(op, *args)) is not None:
@@ -242,7 +245,7 @@ class Expressions:
         return self._one(op, dtype, args)
 
     def _rolled(self, values: Sequence[Expression], axis: Axis) -> Expression | None:
-        """A family that needs no memory: of the same operations on what is such a family."""
+        """Find one formula in terms of the axis for all these values; None if there is none."""
         key = axis, tuple(values)
         if key not in self._families:
             self._families[key] = self._roll(values, axis)
@@ -288,7 +291,7 @@ class Expressions:
         return self._with(first, operands)
 
     def _unrolled(self, values: Sequence[Expression], axis: Axis) -> Expression | None:
-        """The family of which these are all the numbers."""
+        """Find the family that has these values along one of its axes; return it along ``axis``."""
         family, moves = values[0].args
         for place, (of, to) in enumerate(moves):
             if to == 0 and of.size == axis.size:
@@ -299,7 +302,7 @@ class Expressions:
         return None
 
     def _with(self, value: Expression, operands: Sequence[Expression]) -> Expression:
-        """The same operation on other operands."""
+        """Return the same operation on other operands."""
         if value.op == "lookup":
             return self.lookup(value.args[0], operands[0], value.dtype)
         if value.op == "cast":
@@ -334,7 +337,7 @@ def _along(
     axis: Axis,
     make: Callable[[Place], Expression],
 ) -> Expression | None:
-    """The elements at these places as a family, if they lie in equal distances."""
+    """Return the elements at these places as a family, or None if they aren't evenly spaced."""
     first, stride = places[0], places[1].base - places[0].base
     for number, place in enumerate(places):
         if place.base != first.base + number * stride or place.strides != first.strides:
@@ -355,7 +358,7 @@ def _simpler(op: str, *args: Expression) -> Expression | None:
             return other
         case (("mul" | "div"), (other, one)) if _is(one, 1):
             return other
-        # x + 0.0 is no x for x = -0.0, and neither is x - -0.0.
+        # Not for floats: -0.0 + 0.0 is 0.0, and so is -0.0 - -0.0.
         case "add", (zero, other) if _is(zero, 0) and not zero.dtype.is_floating_point:
             return other
         case "add", (other, zero) if _is(zero, 0) and not zero.dtype.is_floating_point:

@@ -1,4 +1,4 @@
-"""A loop of steps as a native program of scalar operations."""
+"""A loop around a step, compiled to a native program of scalar operations."""
 
 import ctypes
 from collections.abc import Callable, Sequence
@@ -19,31 +19,30 @@ from .expressions import Expression, Expressions, Place, in_order
 from .source import Leaf, program
 
 _MOST = 40_000
-"""Expressions of two runs' steps, a family as one: for more, a compiler takes minutes."""
+"""The most expressions in the steps of two runs; C++ compilers take minutes for more."""
 
 
 class RunsMixed(ValueError):
-    """A step in which one run's next state isn't a function of that run's own state alone."""
+    """A step in which a run's next state depends on other runs or on the run's lane."""
 
 
 class NativeLoop:
-    """``steps`` times ``state = step(stays, state)``, in one native loop, for any number of lanes.
+    """A native loop that repeats ``state = step(stays, state)``, for any number of lanes.
 
-    The step is traced for two runs and written out, large tensors in loops. Each run must do the
-    same with its own numbers and know nothing of the other. What one does is the program. It takes
-    a vector of lanes through all their steps before it turns to the next, so that their states stay
-    in registers and in the first-level cache; lanes never meet, and one computes what it would
-    compute alone, bit for bit.
+    The step is traced for two runs. Both must compute the same function of their own state, and
+    the program is that function. It takes one vector of lanes through all steps before it starts
+    the next, so their state stays in registers and in the first-level cache. Lanes don't interact:
+    a run's results are bit for bit the same in any batch.
 
     Args:
-        make_step: pure-tensor code; its Python runs once, when it is traced.
-        stays: what the steps read and don't change.
-        state: what they change.
+        make_step: makes the step, pure tensor code whose Python is run once, to trace it.
+        stays: an example of the tensors that steps read and don't change.
+        state: an example of the state.
 
     Raises:
-        Unsupported: the step has an operation that isn't known here, or too many.
-        RunsMixed: a run's next state depends on other runs, or on which lane it is.
-        ConfigError: the C++ compiler fails.
+        Unsupported: if the step has an operation without a translation, or too many operations.
+        RunsMixed: if a run's next state depends on other runs or on the run's lane.
+        ConfigError: if the C++ compiler fails.
     """
 
     any_lanes = True
@@ -54,15 +53,16 @@ class NativeLoop:
         self._like = _shapes(stays), _shapes(state)
 
     def __call__(self, stays: TensorDictBase, state: TensorDictBase) -> Running:
-        """Take lanes in hand.
+        """Return copies of a batch, ready to advance.
 
         Raises:
-            ValueError: they aren't like those that the program is for, or too few or too many.
+            ValueError: if keys, shapes or dtypes differ from the examples', or the number of lanes
+                isn't a multiple of :data:`.lanes.LANES`, the same in both TensorDicts.
         """
         if (_shapes(stays), _shapes(state)) != self._like:
             raise ValueError(f"a program for {self._like} got {_shapes(stays), _shapes(state)}")
         if len(state) % LANES or len(stays) != len(state):
-            raise ValueError(f"{len(state)} lanes: must be a multiple of {LANES}, and all there")
+            raise ValueError(f"{len(state)} lanes: must be a multiple of {LANES}, in both")
         return _Running(self._run, stays, state)
 
 
@@ -75,8 +75,8 @@ class _Running:
         pointers = [leaf.data_ptr() for leaf in self._tensors]
         self._pointers = (ctypes.c_void_p * len(pointers))(*pointers)
         self._run, self._lanes = run, len(state)
-        # Views: what the program does to the leaves is seen in the state, and the other way round.
-        # Locked, since an entry that is replaced would not be the program's any more.
+        # These are views of the leaves, so the program and the caller see each other's changes.
+        # They are locked, since the program wouldn't see an entry that replaces a leaf.
         self.stays, self.state = nested(fixed, stays).lock_(), nested(carried, state).lock_()
 
     def advance(self, steps: int) -> None:
@@ -84,21 +84,21 @@ class _Running:
 
 
 def source(step: Step, stays: TensorDictBase, state: TensorDictBase) -> str:
-    """The program's text.
+    """Return the C++ program of a step.
 
     Args:
-        step: for two runs.
-        stays, state: of two runs.
+        step: the step for two runs.
+        stays, state: examples of its inputs, batch size ``[2]``.
 
     Raises:
-        Unsupported: the step has an operation that isn't known here, or too many.
-        RunsMixed: a run's next state depends on other runs, or on which lane it is.
+        Unsupported: if the step has an operation without a translation, or too many operations.
+        RunsMixed: if a run's next state depends on other runs or on the run's lane.
     """
     graph = trace(step, stays, state)
     fixed, carried = leaves(stays), leaves(state)
     tensors = [*fixed.values(), *carried.values()]
     make = Expressions(_MOST, large_sizes(tensor.shape[:-1] for tensor in tensors))
-    # Of two runs, and of the same two the other way round: each must find the same in its lane.
+    # The step is run on two runs and again with them swapped: a run's result must be the same.
     given = [inputs(tensor, make, number) for number, tensor in enumerate(tensors)]
     outputs = _write_out(graph, given, make)
     swapped = _write_out(graph, [_swapped(array) for array in given], make)
@@ -133,12 +133,12 @@ def _lane(array: Array, lane: int) -> Array:
 
 def _check_alone(name: str, one: Sequence[Expression], other: Sequence[Expression]) -> None:
     if any(value.op == "input" and value.args[2] for value in in_order(one)):
-        raise RunsMixed(f"{name}: a run's next one depends on other runs")
+        raise RunsMixed(f"{name}: a run's next value depends on other runs")
     if any(a is not b for a, b in zip(one, other, strict=True)):
         raise RunsMixed(f"{name}: the step isn't the same for every run")
 
 
 def _shapes(tree: TensorDictBase) -> dict[str, tuple[Any, ...]]:
-    """What a lane has: its leaves' shapes and dtypes."""
+    """Return the shapes, without the batch dimension, and the dtypes of a TensorDict's tensors."""
     flat = tree.flatten_keys("/")
     return {key: (*flat[key].shape[1:], flat[key].dtype) for key in sorted(flat.keys())}

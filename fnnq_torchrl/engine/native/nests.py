@@ -1,10 +1,11 @@
-"""Expressions and writes in an order, and in loops over the axes that they depend on.
+"""Order expressions and writes, and put them in loops over the axes that they depend on.
 
-Every expression is computed where exactly its axes' loops are around it, the loops nested in one
-order throughout. The program is made from its end: what nobody after it waits for is placed before
-what is placed already, into the loop that is open if it can, so that it comes as late, and as near
-to its use, as may be. Expressions share a loop, then, unless one of them needs numbers that another
-has only after the loop: the result of a fold, or another number than its own.
+Each node (an expression or a write) is placed inside the loops of its own axes, no others. Loops
+are nested in the same order everywhere. The program is built from its end. A node can be placed
+once all its users are placed; it then comes right before them, in the open loop if possible. So it
+is computed as late, and as near to its use, as possible. Nodes share a loop unless one needs a
+number that another only has after the loop: the result of a reduction (a fold), or the number of
+another iteration.
 """
 
 from collections import Counter, defaultdict
@@ -17,13 +18,13 @@ from .expressions import Axis, Expression, Place, in_order
 
 @dataclass(frozen=True, eq=False)
 class Write:
-    """The next number of a leaf's element, or of a family of them.
+    """An assignment to an element, or a family of elements, of a leaf (a tensor of the state).
 
     Attributes:
-        leaf, place: what is written to.
-        value: the number.
-        source: the leaf, if any, whose next number at the same place is taken in the lanes where
-            the value, then a mask, says so; the others keep theirs.
+        leaf, place: the leaf's number and the element's place.
+        value: the new number; with a source, the mask of the lanes to write.
+        source: for a masked copy, the leaf whose new number at the same place is copied to the
+            lanes in the mask; else None.
     """
 
     leaf: int
@@ -37,10 +38,11 @@ Node = Expression | Write
 
 @dataclass(eq=False)
 class Loop:
-    """A loop over an axis, or, without one, the whole.
+    """A loop over an axis, or the whole step if there is no axis.
 
     Attributes:
-        body: nodes and loops in the order in which they come.
+        axis: the loop's axis; None for the whole step.
+        body: the nodes and inner loops in order.
     """
 
     axis: Axis | None = None
@@ -49,13 +51,15 @@ class Loop:
 
 @dataclass
 class Nests:
-    """What is placed.
+    """The nodes of a step, placed in loops.
 
     Attributes:
-        whole: the order.
-        around: the loops around a node, the whole first.
-        users: the nodes that read an expression.
-        late: writes that others have to come before: to memory first, to the leaf at the end.
+        whole: the whole step.
+        around: the loops around each node, from ``whole`` inwards.
+        users: for each expression, the nodes that read it, each with the axes along which it reads
+            numbers of other iterations.
+        late: writes to leaves that nodes after them still read. They write to a buffer, which is
+            copied to the leaf at the end of the step.
     """
 
     whole: Loop
@@ -65,7 +69,7 @@ class Nests:
 
 
 def operands(node: Node) -> list[tuple[Expression, frozenset[Axis]]]:
-    """What a node reads, and the axes of which it reads other numbers than its own."""
+    """Return what a node reads, each with the axes along which it reads across iterations."""
     if isinstance(node, Write):
         return _resolved(node.value)
     bound = frozenset([node.args[1]]) if node.op == "pick" else frozenset[Axis]()
@@ -84,12 +88,12 @@ def _resolved(operand: Expression) -> list[tuple[Expression, frozenset[Axis]]]:
 
 
 def is_computed(value: Expression) -> bool:
-    """Whether an expression is an operation: not what is given, nor another's number."""
+    """Return whether an expression is an operation rather than an input or part of a family."""
     return value.op not in ("constant", "input", "table", "at")
 
 
 def path(node: Node, rank: Mapping[Axis, int]) -> tuple[Axis, ...]:
-    """The loops that must be around a node."""
+    """Return the axes of the loops that must be around a node, from the outermost inwards."""
     if isinstance(node, Write):
         own = frozenset(axis for axis, _ in node.place.strides)
         axes = node.value.axes | own if node.source is None else frozenset[Axis]()
@@ -103,7 +107,7 @@ def path(node: Node, rank: Mapping[Axis, int]) -> tuple[Axis, ...]:
 
 
 def ranks(nodes: Iterable[Node]) -> dict[Axis, int]:
-    """How far inside the axes' loops are: memory is walked through in its order if it can be."""
+    """Return each axis's nesting depth; larger strides are further out, to read memory in order."""
     axes: dict[Axis, None] = {}
     outer: dict[Axis, Counter[Axis]] = defaultdict(Counter)
     for node in nodes:
@@ -128,7 +132,12 @@ def ranks(nodes: Iterable[Node]) -> dict[Axis, int]:
 
 
 def arrange(writes: Sequence[Write], given: Set[Expression]) -> Nests:
-    """Place writes, and all that they are computed from but is not given."""
+    """Place writes and the expressions that they need, except those computed before the loop.
+
+    Args:
+        writes: the writes of a step.
+        given: the expressions that are computed before the first step.
+    """
     return _Arrangement(writes, given).nests
 
 
@@ -158,7 +167,7 @@ class _Arrangement:
         _turn_round(self.nests.whole, self._order)
 
     def _fill(self, stack: tuple[Loop, ...]) -> None:
-        """Place all that can be placed in a loop, and in loops in it."""
+        """Place all nodes that fit in the innermost loop of a stack, and in new loops within it."""
         depth = len(stack) - 1
         while True:
             here = [node for node in self._free if len(self._paths[node]) == depth]
@@ -176,7 +185,7 @@ class _Arrangement:
             self._fill((*stack, loop))
 
     def _fits(self, node: Node, stack: tuple[Loop, ...]) -> bool:
-        """Whether a node may come before all that is placed, in these loops and more of them."""
+        """Return whether a node may be placed next in these loops or in further loops inside."""
         axes = tuple(loop.axis for loop in stack[1:])
         if self._paths[node][: len(axes)] != axes:
             return False
@@ -210,7 +219,7 @@ class _Arrangement:
                 self._free[value] = None
 
     def _next(self, axes: Sequence[Axis], depth: int, stack: tuple[Loop, ...]) -> Axis:
-        """The loop to open: that which gains least by waiting for the others."""
+        """Choose the loop to open next: the one that gains least by waiting for the others."""
         if len(axes) == 1:
             return axes[0]
         prefix = tuple(loop.axis for loop in stack[1:])
@@ -218,7 +227,7 @@ class _Arrangement:
         return min(axes, key=lambda axis: (gains[axis], self._rank[axis]))
 
     def _gain(self, prefix: tuple[Axis | None, ...]) -> int:
-        """How many more nodes a loop could take if all others came first."""
+        """Return how many more nodes a loop could hold if all other loops were placed first."""
 
         def inside(node: Node) -> bool:
             return self._paths[node][: len(prefix)] == prefix
@@ -250,7 +259,7 @@ class _Arrangement:
         return len(spread(later, set(), True)) - now
 
     def _stays(self, value: Expression, loop: set[Node], within: bool) -> bool:
-        """Whether a value can be in the same loop as those of its users that are."""
+        """Return whether a value can be in the same loop as its users in that loop."""
         if not within:
             return True
         fold = {value.args[1]} if value.op == "fold" else frozenset[Axis]()
@@ -261,12 +270,12 @@ class _Arrangement:
 
 
 def _leaves(node: Node) -> list[tuple[int, Place]]:
-    """The leaves' elements that a node reads."""
+    """Return the elements of leaves that a node reads, as (leaf, place)."""
     return [(of.args[0], of.args[1]) for of, _ in operands(node) if of.op == "input"]
 
 
 def _apart(place: Place, other: Place) -> bool:
-    """Whether elements are the same in an iteration, or in none and in no two of them."""
+    """Return whether two families never share an element across different iterations."""
     if place.strides != other.strides:
         return False
     return place.base == other.base or bool(
@@ -275,12 +284,12 @@ def _apart(place: Place, other: Place) -> bool:
 
 
 def shared(some: Sequence[Loop], others: Sequence[Loop]) -> list[Loop]:
-    """The loops that are around both."""
+    """Return the loops that are in both stacks."""
     return [one for one, other in zip(some, others, strict=False) if one is other]
 
 
 def _turn_round(loop: Loop, order: Mapping[Node, int]) -> None:
-    """From the end to the beginning; what stands between loops as it does in the expressions."""
+    """Reverse a loop that was built from its end; nodes between loops go in expression order."""
     body: list[Node | Loop] = []
     between: list[Node] = []
     for one in [*loop.body[::-1], Loop()]:

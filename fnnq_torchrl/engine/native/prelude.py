@@ -1,4 +1,4 @@
-"""What every native program begins with: vectors of lanes in C++, by the compiler's own types."""
+"""Templates of the native program: C++ vectors of lanes by compiler extensions, and the loop."""
 
 PRELUDE = """\
 #include <cmath>
@@ -9,7 +9,7 @@ PRELUDE = """\
 #endif
 
 namespace {
-// Vectors as wide as the machine's; where they are half as wide, compilers make two of one.
+// As wide as the machine's vectors; compilers split those that are too wide.
 #if defined(__AVX512F__)
 constexpr int WIDTH = 64 / sizeof($real);
 #else
@@ -38,19 +38,19 @@ template <class T, class From> inline T cast(From from) {
 template <class T> inline T where(mask which, T chosen, T other) {
     return cast<typename Like<T>::whole>(which) ? chosen : other;
 }
-// By bits: of 64-bit whole numbers compilers make a choice in each lane.
+// Bitwise, since compilers handle ?: of 64-bit integers lane by lane.
 template <> inline i64 where<i64>(mask which, i64 chosen, i64 other) {
     const i64 wide = cast<i64>(which);
     return (chosen & wide) | (other & ~wide);
 }
-// As in torch, what is no number stays none: all bits set are none.
+// Keeps NaN, as torch does: a number with all bits set is NaN.
 template <class T> inline T none(T result, T a) {
     typedef typename Like<T>::whole whole;
     return (T)((whole)result | (a != a));
 }
 template <class T> inline T maximum(T a, T b) { return none(a > b ? a : b, a); }
 template <class T> inline T minimum(T a, T b) { return none(a < b ? a : b, a); }
-// The same of a number and a limit that is one: a comparison that fails keeps the former.
+// For a limit that isn't NaN. If a is NaN, the comparison fails and a stays.
 template <class T> inline T at_least(T a, T limit) { return limit > a ? limit : a; }
 template <class T> inline T at_most(T a, T limit) { return limit < a ? limit : a; }
 inline bool anywhere(mask which) {
@@ -69,7 +69,7 @@ template <class T, class Number, class Index> inline T lookup(const Number* tabl
     for (int l = 0; l < WIDTH; ++l) found[l] = table[index[l]];
     return found;
 }
-// Of an array of vectors, in each lane the element of its own index.
+// Each lane reads the element at its own index from an array of vectors.
 template <class T, class Index> inline T pick(const T* of, int stride, Index index) {
     T found;
     for (int l = 0; l < WIDTH; ++l) found[l] = of[stride * index[l]][l];
@@ -81,7 +81,7 @@ template <class Number, class T> inline void load(T& to, const void* leaf, int64
 template <class Number, class T> inline void store(T from, void* leaf, int64_t place) {
     for (int l = 0; l < WIDTH; ++l) static_cast<Number*>(leaf)[place + l] = from[l];
 }
-// A function of one or two numbers. Through arrays, of which compilers make vectors again.
+// Applies a scalar function of one or two numbers, in a loop that compilers vectorise.
 template <class Number, class T, class Function> inline T each(T x, T y, Function function) {
     alignas(T) Number out[WIDTH], other[WIDTH];
     __builtin_memcpy(out, &x, sizeof out);
@@ -91,7 +91,7 @@ template <class Number, class T, class Function> inline T each(T x, T y, Functio
     return x;
 }
 
-// While it lives, numbers too small for all their digits are zero: processors are slow with them.
+// While it lives, subnormal numbers count as zero: processors are slow with them.
 class Flushed {
 #if defined(__SSE__)
     const unsigned before = _mm_getcsr();
@@ -119,10 +119,10 @@ extern "C" $number $function;
 #endif
 #endif
 """
-"""That the C library has the function on vectors too, at most 4 units in the last place off."""
+"""Declares that the C library has a vector version of a function, with errors up to 4 ulp."""
 
 RUN = """\
-struct Memory {  // of a vector of lanes, what is too large for the stack
+struct Memory {  // a vector of lanes' arrays that are too large for the stack
 $memory
 };
 

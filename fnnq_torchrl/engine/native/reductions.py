@@ -1,4 +1,4 @@
-"""Operations along dimensions."""
+"""Operations that reduce dimensions."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -102,7 +102,7 @@ def _max(call: Call, values: Array, dim: int | None = None, keepdim: bool = Fals
 
 
 def _extreme(call: Call, values: Array, dim: int, largest: bool) -> tuple[Array, Array]:
-    """The first of the most extreme numbers along a dimension, and its place; NaN is beyond all."""
+    """Return the largest or smallest number along a dimension and its first index; NaN wins."""
     make = call.make
     extreme = values.fold([dim], "maximum" if largest else "minimum")
 

@@ -1,4 +1,4 @@
-"""Operations that move elements, pick them, or make them anew."""
+"""Operations that move, index or create elements."""
 
 import operator
 from collections.abc import Sequence
@@ -73,7 +73,7 @@ def _flip(call: Call, values: Array, dims: Sequence[int]) -> Array:
 
 @OPERATIONS.register(aten.slice_scatter, aten.select_scatter)
 def _put_back(call: Call, values: Array, part: Array, dim: int = 0, *where: int | None) -> Array:
-    """What a slice or a selection would take is replaced."""
+    """Replace the elements that a slice or a selection would take."""
     if selected := call.packet is aten.select_scatter:
         at = dim % values.ndim
         part = part.reshaped([*part.shape[:at], 1, *part.shape[at:]])
@@ -102,7 +102,7 @@ def _repeat(call: Call, values: Array, times: Sequence[int]) -> Array:
 @OPERATIONS.register(aten.constant_pad_nd)
 def _pad(call: Call, values: Array, widths: Sequence[int], number: float = 0) -> Array:
     if min(widths) < 0:
-        raise Unsupported("no translation for padding by less than nothing")
+        raise Unsupported("no translation for padding by a negative width")
     constant = call.cast(number, call.result.dtype)
     for pair in range(len(widths) // 2):
         dim = values.ndim - 1 - pair
@@ -193,12 +193,20 @@ def _scatter(call: Call, values: Array, dim: int, index: Array, source: Array | 
 
 
 def _pick(call: Call, rows: Array, index: Array) -> Array:
-    """The row's number at each index: rows ``[..., numbers]``, index ``[..., 1]``."""
+    """Index the last dimension.
+
+    Args:
+        rows: ``[..., numbers]``.
+        index: ``[..., 1]``.
+
+    Returns:
+        The rows' numbers, ``[...]``.
+    """
     if not rows.axes[-1]:
         columns = _rows(rows, -1)
         return _without_last(each(lambda at, *choices: call.pick(choices, at), index, *columns))
     if len(rows.axes[-1]) > 1:
-        raise Unsupported("no translation for an index into what was several dimensions")
+        raise Unsupported("no translation for an index into several merged dimensions")
     make, size = call.make, rows.shape[-1]
     first, *_ = rows.axes[-1]
     family = Array(make, rows.values, (*rows.axes[:-1], ()))
@@ -222,14 +230,14 @@ def _without_last(array: Array) -> Array:
 
 
 def _explicitly(values: Array, dim: int, function: Any) -> Array:
-    """A function that takes, leaves or orders what is along a dimension."""
+    """Make a dimension explicit and apply a function that selects or orders its elements."""
     array = values.explicit(dim)
     rows: Values = np.moveaxis(function(np.moveaxis(array.values, dim, 0)), 0, dim)
     return Array(array.make, rows, array.axes)
 
 
 def _rows(values: Array, dim: int) -> list[Array]:
-    """What is along a dimension, one after the other, with a size of 1 there."""
+    """Split an array along a dimension into slices of size 1."""
     array = values.explicit(dim)
     return [
         Array(array.make, rows, array.axes)

@@ -1,4 +1,4 @@
-"""Scalar expressions as a C++ program: a native loop of steps, a vector of lanes at a time."""
+"""Write scalar expressions as a C++ program, a loop of steps on one vector of lanes at a time."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -41,42 +41,42 @@ _INFIX |= {"bitwise_and": "&", "bitwise_or": "|", "bitwise_xor": "^"}
 _COMPARISONS = dict(zip(COMPARISONS, ("==", "!=", "<", "<=", ">", ">="), strict=True))
 _PREFIX = {"neg": "-", "bitwise_not": "~", "copy": ""}
 _CALLS = ("where", "maximum", "minimum")
-_LIMITS = {"maximum": "at_least", "minimum": "at_most"}  # where the second is known to be a number
+_LIMITS = {"maximum": "at_least", "minimum": "at_most"}  # for a constant second operand
 _PLAIN = {name: name for name in ("ceil", "floor", "fmod", "sqrt", "trunc")}
 _PLAIN |= {"abs": "fabs", "round": "rint"}
 _VECTORISED = {"acos", "asin", "atan", "atan2", "cos", "cosh", "erf", "exp", "expm1", "log"}
 _VECTORISED |= {"log1p", "pow", "sin", "sinh", "tan", "tanh"}
 FUNCTIONS = _PLAIN | {name: name for name in _VECTORISED}
-"""Of the C library, by torch's names."""
+"""The C library's functions, by torch's names."""
 
 
 _REGISTERS = 8
-"""Sums in a loop at once: half of a processor's vector registers."""
+"""The most sums in one loop: half of a processor's vector registers."""
 
 _SMALL = 64
-"""Vectors of an array that may be on the stack; larger ones are in memory of their own."""
+"""The most vectors of an array on the stack; larger arrays are on the heap."""
 
 
 @dataclass(frozen=True)
 class Leaf:
-    """A tensor that the program is given, and what a step makes of it."""
+    """One tensor of the program's input, and its new values after a step."""
 
     dtype: torch.dtype
     size: int
-    next: Sequence[tuple[Place, Expression]]  # what isn't among them stays as it is
+    next: Sequence[tuple[Place, Expression]]  # elements that aren't listed keep their values
 
 
 def program(leaves: Sequence[Leaf], over: int | None = None) -> str:
-    """The text of a program with one function, ``run(lanes, steps, leaves)``.
+    """Return the text of a C++ program with one function, ``run(lanes, steps, leaves)``.
 
-    It changes the leaves where they are, ``[elements, lanes]``.
+    The function changes the leaves in place, each ``[elements, lanes]``.
 
     Args:
-        leaves: in the order in which the function takes them.
-        over: the leaf, if any, that says which lanes need no further steps.
+        leaves: the tensors, in the order in which the function takes them.
+        over: the number of the boolean leaf that marks finished lanes, if there is one.
 
     Raises:
-        Unsupported: an operation has no translation.
+        Unsupported: if an operation has no translation.
     """
     writes = _writes(leaves)
     every = in_order(write.value for write in writes)
@@ -120,9 +120,10 @@ def program(leaves: Sequence[Leaf], over: int | None = None) -> str:
 
 
 def _writes(leaves: Sequence[Leaf]) -> list[Write]:
-    """All that a step changes. What only some lanes take over from another leaf stands apart.
+    """Return the writes of a step; masked copies from another leaf have a source of their own.
 
-    Such a copy of many numbers, like that of the weights for an evaluation, is seldom due.
+    The program skips a masked copy in the steps where no lane needs it. An example is the copy of
+    the weights for an evaluation, which is large and rarely needed.
     """
     all_of = [(n, place, new) for n, leaf in enumerate(leaves) for place, new in leaf.next]
     by_value = {(place, new): leaf for leaf, place, new in all_of if place.strides}
@@ -140,12 +141,12 @@ def _writes(leaves: Sequence[Leaf]) -> list[Write]:
 
 
 class _Statements:
-    """Expressions as definitions of variables, or as elements of arrays.
+    """The C++ statements that compute expressions, as variables or as elements of arrays.
 
     Args:
-        every: all that there are, each after its operands.
-        once: those that are computed before the first step.
-        nests: where the others are computed.
+        every: all expressions, each after its operands.
+        once: the expressions that are computed once, before the first step.
+        nests: the order and the loops of the others.
     """
 
     def __init__(
@@ -168,7 +169,7 @@ class _Statements:
                 self._settle(value)
 
     def _settle(self, value: Expression) -> None:
-        """Find where a value is, and whether it is read outside of the loops that are around it."""
+        """Find the loops that a value is computed in; if it is read outside, it needs an array."""
         home, inner = self._nests.around[value], tuple[Axis, ...]()
         if value.op == "fold":
             depth = [loop.axis for loop in home].index(value.args[1])
@@ -183,7 +184,7 @@ class _Statements:
             self._axes[value] = axes
 
     def arrays(self) -> dict[str, tuple[torch.dtype, int]]:
-        """The arrays that a vector of lanes needs, by their names: dtypes and sizes."""
+        """Return the dtype and the size of each array that a vector of lanes needs, by name."""
         arrays = {
             self._array(value): (value.dtype, prod(axis.size for axis in axes))
             for value, axes in self._axes.items()
@@ -194,21 +195,21 @@ class _Statements:
         return arrays
 
     def tables(self) -> list[str]:
-        """The tables that entries are looked up in."""
+        """Return the definitions of the constant tables."""
         return [f"const {table[0]} {name}[] = {table[1]};" for table, name in self._tables.items()]
 
     def constants(self) -> Iterable[str]:
-        """A line for each constant."""
+        """Return the definitions of the constants, one per line."""
         for value in self._constants:
             literal = _literal(value.args[0], value.dtype)
             yield f"const {_TYPES[value.dtype]} {self._names[value]} = {_all(value, literal)};"
 
     def once(self) -> Iterable[str]:
-        """A line for each of those that are computed once."""
+        """Return the definitions of the expressions that are computed before the first step."""
         return (self._definition(value, ()) for value in self._once)
 
     def body(self) -> Iterable[str]:
-        """The lines of a step."""
+        """Return the lines of one step."""
         yield from self._lines((self._nests.whole,), self._nests.whole.body)
         for write, name in self._late.items():
             axes = tuple(axis for axis, _ in write.place.strides)
@@ -256,7 +257,7 @@ class _Statements:
                     yield f"{self._element(value, {})} = {self._names[value]};"
 
     def _parts(self, loop: Loop) -> Sequence[Sequence[Node | Loop]]:
-        """What one loop does, or several one after the other that need fewer registers at once."""
+        """Split a loop with many sums into several loops, each of which needs fewer registers."""
         body = [node for node in loop.body if isinstance(node, Expression)]
         folds = [value for value in self._opened[loop] if not self._inner[value]]
         if (
@@ -274,7 +275,7 @@ class _Statements:
         return parts
 
     def _before(self, fold: Expression) -> str:
-        """What a fold has before its loop."""
+        """Return the line before a loop that initialises a reduction in it."""
         type_, first = _TYPES[fold.dtype], _all(fold, _first(fold))
         if axes := self._inner[fold]:
             return _looped(axes, f"{self._element(fold, {})} = {first};")
@@ -294,7 +295,7 @@ class _Statements:
         return f"const {_TYPES[value.dtype]} {self._names[value]} = {formula};"
 
     def _stride(self, family: Expression, axis: Axis) -> int:
-        """How far its numbers along an axis are from each other in its array."""
+        """Return the distance in memory between a family's neighbours along an axis."""
         if family.op == "input":
             return dict(family.args[1].strides)[axis]
         if family.op == "at":
@@ -304,7 +305,13 @@ class _Statements:
         return prod(inner.size for inner in axes[axes.index(axis) + 1 :])
 
     def _name(self, value: Expression, around: tuple[Loop, ...], where: Where | None = None) -> str:
-        """Where a value is to be read within some loops."""
+        """Return the C++ expression that reads a value.
+
+        Args:
+            value: the value.
+            around: the loops around the reader.
+            where: a substitution of the value's axes.
+        """
         where = where or {}
         if value.op == "input":
             return f"{_leaf(value.args[0])}[{_index(value.args[1].at(where))}]"
@@ -322,7 +329,7 @@ class _Statements:
         return self._names[value]
 
     def _element(self, value: Expression, where: Where) -> str:
-        """An element of a value's array."""
+        """Return the C++ expression for an element of a value's array."""
         return f"{self._array(value)}[{_row_major(self._axes[value], where)}]"
 
     def _array(self, value: Expression) -> str:
@@ -359,7 +366,7 @@ def _is_number(value: Expression) -> bool:
 
 
 def _first(fold: Expression) -> str:
-    """What a fold begins with, and what changes none of the numbers that it joins."""
+    """Return the neutral element of a reduction's operation, as a literal."""
     op, dtype = fold.args[0], fold.dtype
     if dtype.is_floating_point or dtype is torch.bool or op in ("mul", "bitwise_xor"):
         firsts = {"add": -0.0, "maximum": -inf, "minimum": inf}
@@ -392,7 +399,7 @@ def _index(place: Place) -> str:
 
 
 def _row_major(axes: Axes, where: Where) -> str:
-    """The index of an array with these axes; where some are replaced, of that element."""
+    """Return the row-major index into an array with these axes, after a substitution of axes."""
     strides = [prod(axis.size for axis in axes[n + 1 :]) for n in range(len(axes))]
     return _index(Place(0, tuple(zip(axes, strides, strict=True))).at(where))
 
@@ -430,7 +437,7 @@ def _literal(value: float, dtype: torch.dtype) -> str:
     if dtype is torch.bool:
         return "-1" if value else "0"
     if not dtype.is_floating_point:
-        # The least numbers have no literals of their own.
+        # C++ has no literal for the least 64-bit integer.
         return f"INT64_C({value + 1}) - 1" if value == -(2**63) else f"INT64_C({value})"
     if isnan(value):
         return "NAN"
@@ -438,7 +445,7 @@ def _literal(value: float, dtype: torch.dtype) -> str:
 
 
 def _table(lookup: Expression) -> tuple[str, str]:
-    """The type of a table's numbers, and the numbers."""
+    """Return the C++ type of a table's numbers and its initialiser."""
     if lookup.dtype is torch.bool:
         entries = ", ".join(str(int(entry)) for entry in lookup.args[0])
     else:
