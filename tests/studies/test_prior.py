@@ -1,4 +1,4 @@
-"""The study of prior knowledge: from result files to its page."""
+"""The page on prior knowledge, written from made-up results."""
 
 import sys
 from dataclasses import asdict
@@ -34,7 +34,7 @@ LEVELS = {
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Jobs that were never run, all of which have learned what the rough controller says."""
+    """Made-up jobs, in all of which the runs learned the rough controller."""
     root = tmp_path_factory.mktemp("outputs")
     rough = read_start(load_config("rules=rough"))
     assert rough is not None
@@ -85,10 +85,10 @@ def test_the_page_says_what_the_results_say(experiment: Experiment) -> None:
     rough, wrong, operator, hope, margin = [
         line for line in text.splitlines() if line.startswith("* **")
     ]
-    assert " more than nothing told, in the last" in rough
-    assert wrong.endswith("It does not recover.")
-    assert " more than nothing told" in operator
-    assert " less, the operator" in hope
+    assert " more in the first 10 evaluations, and " in rough
+    assert wrong.endswith("Learning does not correct it.")
+    assert " more in the first 10 evaluations" in operator
+    assert " less, and the operator" in hope
     assert margin.startswith("* **The margin matters.** With 0.1 instead of 0.5")
 
 

@@ -1,4 +1,4 @@
-"""The page on what is learned among obstacles, from invented results."""
+"""The page on learning among obstacles, written from made-up results."""
 
 import json
 from dataclasses import asdict, replace
@@ -29,7 +29,7 @@ RUNS = 20
 
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished sweep; something near on the left makes its rules steer hard right."""
+    """A finished sweep, whose rules steer hard right if something is near on the left."""
     directory = tmp_path_factory.mktemp("sweep")
     for number, (overrides, level) in enumerate(JOBS.items()):
         job = directory / str(number)
@@ -55,7 +55,7 @@ def test_the_page_has_the_results(sweep: Path) -> None:
     assert "catches fewer (−" in text or "catches fewer (-" in text
     assert "| left | hard right (100%)" in text
     assert "| right | left (100%)" in text
-    assert "near in front and on the left: steer hard right if the ball is ahead" in text
+    assert "near, in front and on the left: steer hard right if the ball is ahead" in text
     assert "{" not in text
 
 
