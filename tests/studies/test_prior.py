@@ -67,10 +67,10 @@ def test_the_arms(experiment: Experiment) -> None:
     ]
     rough, wrong, nothing = find(arms, ROUGH, 0.5), find(arms, WRONG, 0.5), find(arms, NOTHING)
     assert float(nothing.start.abs().max()) == 0
-    # Turned round, the wrong controller's values are the rough one's.
+    # The wrong controller's values are the rough controller's, with the states in reverse order.
     torch.testing.assert_close(wrong.start, rough.start.flip(0))
     np.testing.assert_array_equal(rough.distance_to(rough.start), np.zeros(RUNS))
-    # All steer as the rough controller does, away from the wrong one; by the candidates' numbers:
+    # All runs steer like the rough controller, so their distance is that of the two controllers.
     bearings = torch.linspace(-0.9, 0.9, 181, dtype=torch.float64).unsqueeze(-1)
     greedy = [
         type(arm.rules)(arm.rules.inputs, "value", arm.start).greedy(bearings)

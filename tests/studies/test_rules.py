@@ -1,4 +1,4 @@
-"""The commands that print, draw and take away the rules of a finished job."""
+"""The commands that print, draw and export the rules of a finished job."""
 
 import csv
 import io

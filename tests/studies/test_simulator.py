@@ -43,7 +43,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (job / "summary.json").write_text("{}")
         weight = torch.zeros(RUNS, 5, 2, 2, 2, 4)
         weight[..., 1] = 1  # left
-        weight[:, :, 0, :, :, 3] = 2  # hard right, where the left is near
+        weight[:, :, 0, :, :, 3] = 2  # hard right if something is near on the left
         seed, lam = np.arange(RUNS), np.zeros(RUNS)
         save_checkpoint(job / "checkpoint.pt", {"weight": weight}, seed, lam, settings)
     return directory

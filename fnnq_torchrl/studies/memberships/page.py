@@ -46,10 +46,10 @@ they did while learning. In random play the robot mostly loses the ball, and the
 the edge of the view.
 
 Each choice has α of {alphas}. The first half of the seeds chooses the best α, which may be the
-lowest or the highest of them. The second half gives the score: the mean over all evaluations of the
-catches in five tests. Brackets are {confidence:g} % bootstrap intervals. Differences are between
-the same seeds. A difference of fewer than {matters} catches counts as too small to matter; this limit
-is our choice.
+lowest or the highest of them. The second half gives the score: the mean over all evaluations of
+the catches in five tests. Brackets are {confidence:g} % bootstrap intervals. Differences are
+between the same seeds. A difference of fewer than {matters} catches counts as too small to matter;
+this limit is our choice.
 
 {sections}"""
 

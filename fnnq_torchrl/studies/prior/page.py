@@ -39,10 +39,11 @@ python -m fnnq_torchrl.rules run=outputs/an_earlier_job record=FILE.csv
   (`.txt`). Or it has a whole rule base or a distilled controller, as `export=` writes it (`.txt`,
   `.json`, `.fll`, `.fis`). Labels and t-norm must be the network's, which `value.inputs`,
   `value.action` and `value.t_norm` set. Rules that the file leaves out start at 0.
-* A rule of an action becomes values. If it says a\\* for a state, the value rule of that state and the action
-  label at a starts at margin · (1 − ((a − a\\*)/d)²), where d is the distance between the outermost
-  labels: the margin (`rules.margin`) for a\\*, 0 at the far end. Between the states of two rules, the
-  best action is about the weighted mean of their a\\*, as in a Takagi–Sugeno controller.
+* A rule of an action becomes values. If it says a\\* for a state, the value rule of that state and
+  the action label at a starts at margin · (1 − ((a − a\\*)/d)²), where d is the distance between
+  the outermost labels: the margin (`rules.margin`) for a\\*, 0 at the far end. Between the states
+  of two rules, the best action is about the weighted mean of their a\\*, as in a Takagi–Sugeno
+  controller.
 * A directory of a finished job gives the mean over its runs.
 * `rules.frozen` names rules that learning doesn't change: the labels of the inputs and of the
   action, joined by `/`. `*` stands for any label, and so do labels left out at the end.

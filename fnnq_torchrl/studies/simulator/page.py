@@ -25,17 +25,17 @@ The robot learns to catch the ball and to drive among obstacles with its sonars:
 
 `make simulator` writes this page from result files; no number in it was typed by hand.
 
-The paper's simulator has sonars and a head that sees balls, and the paper's own task needs only the
-head. These two tasks need the sonars ([docs/worlds.md](worlds.md) describes the worlds). The fuzzy
-network learns them by the same Q(λ), with {runs} seeds each. Brackets are {confidence:g} %
-bootstrap intervals (BCa); differences are between the same seeds. *After learning* is the mean over the last
-{final} tests.
+The paper's simulator has sonars and a head that sees balls, and the paper's own task needs only
+the head. These two tasks need the sonars ([docs/worlds.md](worlds.md) describes the worlds). The
+fuzzy network learns them by the same Q(λ), with {runs} seeds each. Brackets are {confidence:g} %
+bootstrap intervals (BCa); differences are between the same seeds. *After learning* is the mean
+over the last {final} tests.
 
 ## Catch the ball, touch nothing (`task=follow_obstacles`)
 
 The field is 6 m x 6 m, with three round obstacles at new places in each situation. The ball moves
-on a circle, or on a line between walls that it bounces off. Learning takes {situations} situations. A
-test has {tests} random situations; the score is the number that end in a catch.
+on a circle, or on a line between walls that it bounces off. Learning takes {situations}
+situations. A test has {tests} random situations; the score is the number that end in a catch.
 
 {hunt}
 ## Drive about, touch nothing (`task=wander`)
@@ -48,8 +48,8 @@ drives at random. The score is the number of steps before a collision.
 ## The rules that it has learned
 
 The table shows the steering that the rules of `follow_obstacles` prefer (λ = {lam:g}): the action
-label with the highest consequent. Each sonar has two labels, near and far. Brackets have the share of the
-{runs} runs that agree.
+label with the highest consequent. Each sonar has two labels, near and far. Brackets have the share
+of the {runs} runs that agree.
 
 {rules}
 With two sides blocked, the rules say:
@@ -61,10 +61,10 @@ fire have learned little.
 ## What was tried
 
 The labels of the sonars matter most: the nearer *near* and *far* are, down to 0.1 and 0.5 m from
-the sonar, the better. A third label ahead, five labels of the steering, γ = 0.98 and λ = 0.5 learned
-no better or worse. Half the α and twice the situations helped. With obstacles all round the robot
-and farther apart, the sonars didn't help, since few obstacles stood between robot and ball. No reward
-is given for keeping away from obstacles.
+the sonar, the better. A third label ahead, five labels of the steering, γ = 0.98 and λ = 0.5
+learned no better or worse. Half the α and twice the situations helped. With obstacles all round
+the robot and farther apart, the sonars didn't help, since few obstacles stood between robot and
+ball. No reward is given for keeping away from obstacles.
 """
 
 
