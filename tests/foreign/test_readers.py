@@ -97,7 +97,7 @@ def test_fll_and_fis_in_cpp(rules: RuleBase, ending: str, tmp_path: Path) -> Non
     """The tolerance is large since C++ fuzzylite drops rules that fire below 1e-6."""
     (file,) = rules.export(tmp_path / f"q{ending}")
     points = points_of(rules)
-    precision = 1e-5 if len(rules.inputs) == 2 else 1e-4  # the paper's labels, or labels with long tails
+    precision = 1e-5 if len(rules.inputs) == 2 else 1e-4  # paper, or long tails
     np.testing.assert_allclose(cpp_fuzzylite(file, points), ours(rules, points), atol=precision)
     if ending == ".fll":
         far = 100 * points[-200:]

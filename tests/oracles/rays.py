@@ -42,7 +42,7 @@ class Side(NamedTuple):
     end: Spot
 
     def along(self, spot: Spot, rays: Rays) -> tuple[Rays, Rays]:
-        """Return each ray's distance to the segment (inf if it misses) and its cosine of incidence."""
+        """Return each ray's distance to the side (inf if it misses) and its cosine of incidence."""
         x, y = self.start[0] - spot[0], self.start[1] - spot[1]
         side_x, side_y = self.end[0] - self.start[0], self.end[1] - self.start[1]
         across = rays[:, 0] * side_y - rays[:, 1] * side_x
