@@ -64,7 +64,7 @@ def test_rules_are_read_by_the_names_of_their_inputs(sweep: Path) -> None:
     for advice in read_rules(job):
         steering = {dv for dv, _ in advice.steering.values()}
         assert steering == ({1.0} if "left" in advice.near else {-0.4})
-    with pytest.raises(NoResults, match="its rules aren't of bearing, sonar_front_m"):
+    with pytest.raises(NoResults, match="its rules must have the inputs bearing, sonar_front_m"):
         read_rules(read_experiment(sweep, "simulator").jobs[2])
 
 
