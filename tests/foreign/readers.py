@@ -1,4 +1,4 @@
-"""Programs of other people that read our files, each as a function from a file to its answers."""
+"""Third-party programs that read our files, each as a function from a file to output values."""
 
 import json
 import shutil
@@ -24,7 +24,7 @@ Numbers = NDArray[np.float64]
 
 
 def needed(program: str) -> str:
-    """The path of a program. A test whose program is missing fails, and says what to install."""
+    """Return the path of a program, or fail the test with the packages to install."""
     path = shutil.which(program)
     if path is None:
         pytest.fail(f"{program} is missing: apt-get install {PACKAGES[program]}", pytrace=False)
@@ -38,7 +38,7 @@ def run(*command: object) -> str:
 
 
 def python(script: str, file: Path, points: Numbers) -> Numbers:
-    """The answers of a script of the environment of its own, which reads x and writes y."""
+    """Return y, which a script computes from ``file`` and the points x in its own environment."""
     if not PYTHON.is_file():
         pytest.fail(f"{PYTHON} is missing: make foreign makes it", pytrace=False)
     x, y = file.with_suffix(".x.npy"), file.with_suffix(".y.npy")
@@ -80,7 +80,7 @@ parts = np.split(x, np.cumsum(widths)[:-1], axis=1)
 
 
 def cpp_fuzzylite(file: Path, points: Numbers) -> Numbers:
-    """The command, which reads .fll and .fis alike."""
+    """Return the values of C++ fuzzylite's command, which reads .fll and .fis."""
     data, answers = file.with_suffix(".in.fld"), file.with_suffix(".out.fld")
     np.savetxt(data, points, fmt="%.17g")
     command = [needed("fuzzylite"), "-i", file, "-if", file.suffix[1:], "-o", answers, "-of", "fld"]
@@ -89,7 +89,7 @@ def cpp_fuzzylite(file: Path, points: Numbers) -> Numbers:
 
 
 def octave(file: Path, points: Numbers) -> Numbers:
-    """Octave with its fuzzy logic toolkit."""
+    """Return the values of Octave's fuzzy logic toolkit."""
     data, answers = file.with_suffix(".in.txt"), file.with_suffix(".out.txt")
     np.savetxt(data, points, fmt="%.17g")
     script = f"""
@@ -104,7 +104,7 @@ def octave(file: Path, points: Numbers) -> Numbers:
 def compiled(
     compiler: str, source: Path, function: str, points: Numbers, real: str = "double"
 ) -> Numbers:
-    """The answers of a C function, whose warnings are errors, under both sanitizers.
+    """Return the values of a C function, compiled with warnings as errors and both sanitizers.
 
     Args:
         function: an expression of `x`, a pointer to a point's numbers.

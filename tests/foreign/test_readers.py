@@ -1,4 +1,4 @@
-"""What other programs make of our files: the same numbers as we do."""
+"""Other programs compute the same numbers from our files as we do."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -39,7 +39,10 @@ STEPS = (
 
 
 def rule_base(name: str) -> RuleBase:
-    """The paper's labels, or every kind of label, by either t-norm; one is named as a function."""
+    """Return random rules on the paper's labels, or on labels of every kind with either t-norm.
+
+    One of the latter has the name of a FuzzyLite function.
+    """
     random = torch.Generator().manual_seed(3)
     if name == "paper":
         config = load_config()
@@ -53,7 +56,7 @@ def rule_base(name: str) -> RuleBase:
 
 
 def points_of(rules: RuleBase, seed: int = 5) -> Numbers:
-    """Ten thousand, the corners and the labels' own numbers among them; all within the ranges."""
+    """Return ten thousand points in the ranges, with the corners and the labels' parameters."""
     count = len(rules.inputs)
     special = [-1.0, 1.0, 0.0] + [
         number
@@ -80,7 +83,7 @@ def rules(request: pytest.FixtureRequest) -> RuleBase:
 
 
 def test_fll_in_python(rules: RuleBase, tmp_path: Path) -> None:
-    """Far outside the ranges it is the value at the nearest point inside."""
+    """Far outside the ranges, the value is that of the nearest point inside."""
     (file,) = rules.export(tmp_path / "q.fll")
     points = points_of(rules)
     np.testing.assert_allclose(pyfuzzylite(file, points), ours(rules, points), atol=1e-9)
@@ -91,10 +94,10 @@ def test_fll_in_python(rules: RuleBase, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ending", [".fll", ".fis"])
 def test_fll_and_fis_in_cpp(rules: RuleBase, ending: str, tmp_path: Path) -> None:
-    """To what C++ fuzzylite leaves, which drops rules that fire below 1e-6."""
+    """The tolerance is large since C++ fuzzylite drops rules that fire below 1e-6."""
     (file,) = rules.export(tmp_path / f"q{ending}")
     points = points_of(rules)
-    precision = 1e-5 if len(rules.inputs) == 2 else 1e-4  # the paper's, or with long tails
+    precision = 1e-5 if len(rules.inputs) == 2 else 1e-4  # paper, or long tails
     np.testing.assert_allclose(cpp_fuzzylite(file, points), ours(rules, points), atol=precision)
     if ending == ".fll":
         far = 100 * points[-200:]
@@ -103,7 +106,7 @@ def test_fll_and_fis_in_cpp(rules: RuleBase, ending: str, tmp_path: Path) -> Non
 
 
 def test_fis_in_octave(rules: RuleBase, tmp_path: Path) -> None:
-    """On fewer points, since the toolkit is slow; it refuses vertical sides and broken slopes."""
+    """The slow toolkit gets few points. It refuses vertical sides and fractional slopes."""
     slanted = {
         (-1.0, -1.0, 0.0): (-2.0, -1.0, 0.0),
         (0.0, 0.8, 1.0, 1.0): (0.0, 0.8, 1.0, 2.0),
@@ -140,7 +143,7 @@ def test_the_distilled_controller_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize("floats", [False, True])
 def test_c(rules: RuleBase, compiler: str, floats: bool, tmp_path: Path) -> None:
-    """Q everywhere, far outside the ranges too, and the greedy action but at ties."""
+    """Q agrees far outside the ranges too, and the greedy action agrees except at ties."""
     source, _ = rules.export(tmp_path / "ctl.c", floats=floats)
     real, precision = ("float", 1e-4) if floats else ("double", 1e-9)
     points = points_of(rules)

@@ -44,7 +44,10 @@ KINDS = {
 
 
 def degrees(x: float, labels: Sequence[Label], elsewhere: str) -> list[float]:
-    """μ(x) of every label; where all are 0, the nearest one's is 1, or none's."""
+    """Return μ(x) of every label.
+
+    If all are 0, the nearest label has 1, unless ``elsewhere`` is ``zero``.
+    """
     found = [membership(x, label) for label in labels]
     if any(found) or elsewhere == "zero":
         return found
@@ -66,7 +69,7 @@ def value_of_rules(
     t_norm: str = "product",
     elsewhere: str = "nearest",
 ) -> float:
-    """Σwσ/Σσ over all rules, σ the product or the minimum of a rule's memberships; 0 if all are."""
+    """Return Σwσ/Σσ over all rules, or 0 if Σσ = 0; σ is the product or minimum of memberships."""
     combine = {"product": prod, "minimum": min}[t_norm]
     of_inputs = [degrees(*pair, elsewhere) for pair in zip(x, labels, strict=True)]
     strengths = [*map(combine, product(*of_inputs))]

@@ -1,4 +1,4 @@
-"""What a sonar meets, found by rays alone: slow, and written to be read."""
+"""Sonar readings found by rays alone: slow, and written to be read."""
 
 from math import atan2, cos, hypot, inf, radians, remainder, sin, tau
 from typing import NamedTuple
@@ -19,7 +19,7 @@ class Disc(NamedTuple):
     radius: float
 
     def along(self, spot: Spot, rays: Rays) -> tuple[Rays, Rays]:
-        """The way along each ray to the disc, and the cosine of the angle at which it is met."""
+        """Return each ray's distance to the disc (inf if it misses) and its cosine of incidence."""
         x, y = self.x - spot[0], self.y - spot[1]
         ahead, off = x * rays[:, 0] + y * rays[:, 1], x * rays[:, 1] - y * rays[:, 0]
         half_chord = np.sqrt(np.maximum(self.radius**2 - off**2, 0))
@@ -27,11 +27,11 @@ class Disc(NamedTuple):
         return np.where(met, ahead - half_chord, inf), half_chord / self.radius
 
     def holds(self, spot: Spot) -> bool:
-        """Whether a point is in the disc."""
+        """Return True if a point is in the disc."""
         return hypot(self.x - spot[0], self.y - spot[1]) <= self.radius
 
     def landmarks(self, spot: Spot) -> list[Spot]:
-        """The point towards which it is nearest."""
+        """Return the centre: the nearest point of the disc is in its direction."""
         return [(self.x, self.y)]
 
 
@@ -42,7 +42,7 @@ class Side(NamedTuple):
     end: Spot
 
     def along(self, spot: Spot, rays: Rays) -> tuple[Rays, Rays]:
-        """The way along each ray to the segment, and the cosine at which it is met."""
+        """Return each ray's distance to the side (inf if it misses) and its cosine of incidence."""
         x, y = self.start[0] - spot[0], self.start[1] - spot[1]
         side_x, side_y = self.end[0] - self.start[0], self.end[1] - self.start[1]
         across = rays[:, 0] * side_y - rays[:, 1] * side_x
@@ -53,7 +53,7 @@ class Side(NamedTuple):
         return np.where(met, way, inf), np.abs(across) / hypot(side_x, side_y)
 
     def landmarks(self, spot: Spot) -> list[Spot]:
-        """The ends, and the foot of the perpendicular."""
+        """Return the ends, and the foot of the perpendicular from the spot."""
         side_x, side_y = self.end[0] - self.start[0], self.end[1] - self.start[1]
         x, y = spot[0] - self.start[0], spot[1] - self.start[1]
         share = (x * side_x + y * side_y) / (side_x**2 + side_y**2)
@@ -71,7 +71,7 @@ class Box(NamedTuple):
     heading: float
 
     def sides(self) -> list[Side]:
-        """The four sides, anticlockwise."""
+        """Return the four sides, anticlockwise."""
         corners = [
             (
                 self.x + cos(self.heading) * x * self.width - sin(self.heading) * y * self.height,
@@ -82,7 +82,7 @@ class Box(NamedTuple):
         return [Side(*ends) for ends in zip(corners, corners[1:] + corners[:1], strict=True)]
 
     def holds(self, spot: Spot) -> bool:
-        """Whether a point is in the box."""
+        """Return True if a point is in the box."""
         x, y = spot[0] - self.x, spot[1] - self.y
         across = cos(self.heading) * x + sin(self.heading) * y
         up = cos(self.heading) * y - sin(self.heading) * x
@@ -99,10 +99,10 @@ def reading(
     max_incidence_deg: float | None = None,
     rays: int = 200,
 ) -> float:
-    """The nearest point that any ray in a sector meets.
+    """Return the distance to the nearest point that any ray in a sector meets.
 
-    There is an even fan of rays, and one just to either side of every point that may be the nearest
-    of its object; ends of segments echo at any angle.
+    The rays are an even fan, with extra rays at and just beside every point that may be the nearest
+    of its object. The ends of segments echo at any angle.
     """
     if any(thing.holds(spot) for thing in (*discs, *boxes)):
         return 0.0
@@ -127,12 +127,12 @@ def reading(
 
 
 def field(width: float, height: float) -> list[Side]:
-    """The walls of a field around the origin."""
+    """Return the walls of a field around the origin."""
     return Box(0, 0, width, height, 0).sides()
 
 
 def blocked(spot: Spot, target: Spot, discs: list[Disc], boxes: list[Box]) -> bool:
-    """Whether anything is on the line from a point to another."""
+    """Return True if anything lies on the line from a spot to a target, or covers either."""
     things = [*discs, *(side for box in boxes for side in box.sides())]
     if any(thing.holds(spot) or thing.holds(target) for thing in (*discs, *boxes)):
         return True

@@ -20,7 +20,7 @@ JOBS = [
 
 
 def level(settings: Settings) -> float:
-    """Learned labels are best, and even ones are worst."""
+    """Return a score: labels learned by gradient are best, and even labels are worst."""
     better = settings["value"]["learn_memberships"] - (settings["value"]["membership"] == "even")
     return 4.0 + 0.5 * better - 5 * abs(settings["alpha"] - 0.2)
 
@@ -64,15 +64,15 @@ def test_the_page_says_what_the_results_say() -> None:
         invented("k-means, random play", 2.5, 3, clustered=True),
     ]
     page = write_page(sources)
-    assert "rather than the paper's labels: the recommendation **holds** at" in page
-    assert "rather than those labels by gradient: the recommendation **does not hold** at" in page
-    assert "score more than those in 0 of 2 comparisons" in page
-    assert "With 3 labels, compared with those evenly spaced: k-means, random play: worse." in page
+    assert "rather than the paper's labels **holds**: at" in page
+    assert "rather than gradient learning of them **does not hold**: at" in page
+    assert "score more than they do in 0 of 2 comparisons" in page
+    assert "With 3 labels, compared with *evenly spaced*: k-means, random play: worse." in page
     assert page.index("## With 3 labels") < page.index("## With 5 labels")
     for table in re.findall(r"(?:^\|.*\n)+", page, re.MULTILINE):
         assert len({line.count("|") for line in table.splitlines()}) == 1
     assert "nan" not in page
-    with pytest.raises(NoResults, match="to compare those of k-means, random play with"):
+    with pytest.raises(NoResults, match="to compare with those from k-means, random play"):
         write_page(sources[-1:])
 
 

@@ -1,4 +1,4 @@
-"""The committed pages agree with the templates that they are written from."""
+"""The committed pages have the texts of their templates."""
 
 import re
 from pathlib import Path

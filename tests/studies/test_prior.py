@@ -1,4 +1,4 @@
-"""The study of prior knowledge: from result files to its page."""
+"""The page on prior knowledge, written from made-up results."""
 
 import sys
 from dataclasses import asdict
@@ -34,7 +34,7 @@ LEVELS = {
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Jobs that were never run, all of which have learned what the rough controller says."""
+    """Made-up jobs, in all of which the runs learned the rough controller."""
     root = tmp_path_factory.mktemp("outputs")
     rough = read_start(load_config("rules=rough"))
     assert rough is not None
@@ -67,10 +67,10 @@ def test_the_arms(experiment: Experiment) -> None:
     ]
     rough, wrong, nothing = find(arms, ROUGH, 0.5), find(arms, WRONG, 0.5), find(arms, NOTHING)
     assert float(nothing.start.abs().max()) == 0
-    # Turned round, the wrong controller's values are the rough one's.
+    # The wrong controller's values are the rough controller's, with the states in reverse order.
     torch.testing.assert_close(wrong.start, rough.start.flip(0))
     np.testing.assert_array_equal(rough.distance_to(rough.start), np.zeros(RUNS))
-    # All steer as the rough controller does, away from the wrong one; by the candidates' numbers:
+    # All runs steer like the rough controller, so their distance is that of the two controllers.
     bearings = torch.linspace(-0.9, 0.9, 181, dtype=torch.float64).unsqueeze(-1)
     greedy = [
         type(arm.rules)(arm.rules.inputs, "value", arm.start).greedy(bearings)
@@ -85,10 +85,10 @@ def test_the_page_says_what_the_results_say(experiment: Experiment) -> None:
     rough, wrong, operator, hope, margin = [
         line for line in text.splitlines() if line.startswith("* **")
     ]
-    assert " more than nothing told, in the last" in rough
-    assert wrong.endswith("It does not recover.")
-    assert " more than nothing told" in operator
-    assert " less, the operator" in hope
+    assert " more in the first 10 evaluations, and " in rough
+    assert wrong.endswith("Learning does not correct it.")
+    assert " more in the first 10 evaluations" in operator
+    assert " less, and the operator" in hope
     assert margin.startswith("* **The margin matters.** With 0.1 instead of 0.5")
 
 

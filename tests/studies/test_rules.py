@@ -1,4 +1,4 @@
-"""The commands that print, draw and take away the rules of a finished job."""
+"""The commands that print, draw and export the rules of a finished job."""
 
 import csv
 import io
@@ -124,7 +124,7 @@ def test_drawn(directory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         (rules, ["run={}", "seed=9"], "seed=9: must be best, mean or one of 0 to 2"),
         (rules, ["run={}", "format=tex"], "format='tex': did you mean text?"),
         (rules, ["run={}", "explain.bearing=x"], "explain.bearing='x': must be a finite number"),
-        (rules, ["run={}", "controller=full"], "controller=full: goes with export=FILE"),
+        (rules, ["run={}", "controller=full"], "controller=full: needs export=FILE"),
         (rules, ["run={}", "export=q.xml"], "q.xml: can't be written by its ending; expected .fll"),
         (plot, ["run={}", "situation=6"], "situation='6': must be a whole number from 1 to 5"),
     ],

@@ -1,4 +1,4 @@
-"""The page on what is learned among obstacles, from invented results."""
+"""The page on learning among obstacles, written from made-up results."""
 
 import json
 from dataclasses import asdict, replace
@@ -29,7 +29,7 @@ RUNS = 20
 
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished sweep; something near on the left makes its rules steer hard right."""
+    """A finished sweep, whose rules steer hard right if something is near on the left."""
     directory = tmp_path_factory.mktemp("sweep")
     for number, (overrides, level) in enumerate(JOBS.items()):
         job = directory / str(number)
@@ -43,7 +43,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (job / "summary.json").write_text("{}")
         weight = torch.zeros(RUNS, 5, 2, 2, 2, 4)
         weight[..., 1] = 1  # left
-        weight[:, :, 0, :, :, 3] = 2  # hard right, where the left is near
+        weight[:, :, 0, :, :, 3] = 2  # hard right if something is near on the left
         seed, lam = np.arange(RUNS), np.zeros(RUNS)
         save_checkpoint(job / "checkpoint.pt", {"weight": weight}, seed, lam, settings)
     return directory
@@ -55,7 +55,7 @@ def test_the_page_has_the_results(sweep: Path) -> None:
     assert "catches fewer (−" in text or "catches fewer (-" in text
     assert "| left | hard right (100%)" in text
     assert "| right | left (100%)" in text
-    assert "near in front and on the left: steer hard right if the ball is ahead" in text
+    assert "near, in front and on the left: steer hard right if the ball is ahead" in text
     assert "{" not in text
 
 
@@ -64,7 +64,7 @@ def test_rules_are_read_by_the_names_of_their_inputs(sweep: Path) -> None:
     for advice in read_rules(job):
         steering = {dv for dv, _ in advice.steering.values()}
         assert steering == ({1.0} if "left" in advice.near else {-0.4})
-    with pytest.raises(NoResults, match="its rules aren't of bearing, sonar_front_m"):
+    with pytest.raises(NoResults, match="its rules must have the inputs bearing, sonar_front_m"):
         read_rules(read_experiment(sweep, "simulator").jobs[2])
 
 

@@ -1,4 +1,4 @@
-"""Labels that a job finds before it learns."""
+"""Labels that a job places before it learns."""
 
 import re
 from dataclasses import replace
@@ -59,7 +59,7 @@ def test_a_job_learns_with_the_labels_that_it_found(tmp_path: Path) -> None:
     run_job(small, first)
     labels = [label.parameters for label in load_rules(first).states[0].labels]
     assert labels == [tuple(label) for label in found(small)]
-    # And its runs are a source of states.
+    # The runs of such a job can be the source of visited states, too.
     again = replace(small, value=replace(small.value, visited=str(first)))
     assert found(again) != found(small)
     mixed = replace(small, value=replace(small.value, visited=str(tmp_path)))

@@ -1,4 +1,4 @@
-"""A controller over a recorded log does what it does in its world."""
+"""A controller takes the same actions on a recorded log as in its world."""
 
 import csv
 import sys

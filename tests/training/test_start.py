@@ -1,4 +1,4 @@
-"""What is known before learning: where runs start, what stays, and what the command says."""
+"""Prior knowledge: start values of the runs, frozen rules, and the command's messages."""
 
 import csv
 import sys
@@ -101,7 +101,7 @@ def test_what_a_run_recorded_is_followed(
     actions = torch.tensor([float(row["steer"]) for row in rows], dtype=torch.float64)
     same = (followed.greedy(states) - actions).abs() < 1e-6
     assert float(same.double().mean()) >= 0.95
-    # As in a told controller, the best action of each state is worth the margin.
+    # As with rules of actions, the best action of each state has the margin as its value.
     torch.testing.assert_close(start.consequents.amax(-1), torch.full((5,), 0.5).double())
     assert f"of {len(rows):,} steps" in start.told
 

@@ -1,4 +1,4 @@
-"""A test played again to be looked at is the test that was counted."""
+"""A test replayed for watching is the same as the test that gave the score."""
 
 import sys
 from pathlib import Path
@@ -17,7 +17,7 @@ from fnnq_torchrl.watch import main
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A short job of two runs."""
+    """A short job with two runs."""
     directory = tmp_path_factory.mktemp("job")
     run_job(load_config("situations=10", "num_seeds=2", "env.time_limit_steps=60"), directory)
     return directory

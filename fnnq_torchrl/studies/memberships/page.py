@@ -20,34 +20,36 @@ GRADIENT = f"{BY_HAND}, then by gradient"
 _PAGE = """# Where labels come from
 
 The paper sets its membership functions by hand and doesn't learn them by gradient, since «doing
-this job using some clustering method would give better results». It gives no experiment. This is
-one, over {runs:,} seeds of each choice, at equal numbers of rules.
+this job using some clustering method would give better results». The paper has no experiment on
+this. Here is one, over {runs:,} seeds of each choice. Only choices with equal numbers of rules are
+compared:
 
 {conclusions}
 `make memberships` writes this page from result files; no number in it was typed by hand.
 
 ## What is compared
 
-The labels of the bearing come from these sources; the four labels of the action are the paper's
-throughout.
+The labels of the bearing come from these sources. The four labels of the action are always the
+paper's.
 
 * *By hand*: the paper's five labels (eq. 12).
 * *Even*: evenly spaced over the field of view. Neighbours have the same membership, ½, halfway
   between them.
-* *K-means*: at the cluster centres of visited bearings, as wide as evenly spaced labels with the
-  same mean distance to their neighbours would be.
+* *K-means*: at the cluster centres of visited bearings. A label is as wide as an evenly spaced one
+  with the same mean distance to its neighbours.
 * *Mixture of Gaussians*: the components of a mixture fitted to visited bearings, with their widths.
-* *Then by gradient*: centres and widths start from those above and are learned along with the
-  consequents, by the gradient of Q, through the same trace.
+* *Then by gradient*: centres and widths start as by hand or even, and are learned together with the
+  consequents, by the gradient of Q and with the same trace.
 
-The visited bearings are those of 100 situations of *random play*, or of *learned runs* that explore
-as they did while learning. In random play the robot mostly loses the ball, and then sees it at the
-edge of the view.
+The visited bearings come from 100 situations of *random play*, or of *learned runs* that explore as
+they did while learning. In random play the robot mostly loses the ball, and then reads a bearing at
+the edge of the view.
 
-Each choice has α of {alphas}. The first half of the seeds chooses the best α, which may be at the
-edge of those, and the second half gives the score: the mean, over all evaluations, of the catches
-in five tests. Brackets are {confidence:g} % bootstrap intervals. Differences are between the same
-seeds. One of fewer than {matters} catches doesn't matter; that is our choice.
+Each choice has α of {alphas}. The first half of the seeds chooses the best α, which may be the
+lowest or the highest of them. The second half gives the score: the mean over all evaluations of
+the catches in five tests. Brackets are {confidence:g} % bootstrap intervals. Differences are
+between the same seeds. A difference of fewer than {matters} catches counts as too small to matter;
+this limit is our choice.
 
 {sections}"""
 
@@ -59,7 +61,7 @@ def write_page(sources: Sequence[Source]) -> str:
         sources: the results with labels from each source.
 
     Raises:
-        NoResults: there are neither labels by hand nor evenly spaced ones to compare with.
+        NoResults: if there are neither labels by hand nor evenly spaced ones to compare with.
     """
     count = attrgetter("count")
     by_count = [[*group] for _, group in groupby(sorted(sources, key=count), count)]
@@ -76,16 +78,16 @@ def write_page(sources: Sequence[Source]) -> str:
 def _conclusions(by_count: Sequence[Sequence[Source]]) -> list[str]:
     """Return lines on the paper's recommendation, on even labels, and on each number of labels."""
     lines = []
-    for name, words in ((BY_HAND, "the paper's labels"), (GRADIENT, "those labels by gradient")):
+    for name, words in ((BY_HAND, "the paper's labels"), (GRADIENT, "gradient learning of them")):
         compared = [better for group in by_count for better in _clusters_against(group, name)]
         lines.append(
-            f"Clustering rather than {words}: the recommendation **{_verdict(compared).value}** at "
-            f"the same number of labels. In {sum(compared)} of {len(compared)} comparisons, labels "
-            "from clusters score more."
+            f"The recommendation of clustering rather than {words} **{_verdict(compared).value}**: "
+            "at the same number of labels, those from clusters score more in "
+            f"{sum(compared)} of {len(compared)} comparisons."
         )
     compared = [better for group in by_count for better in _clusters_against(group, EVEN)]
     lines.append(
-        f"Evenly spaced labels take no states at all. Labels from clusters score more than those "
+        "Evenly spaced labels need no visited states. Labels from clusters score more than they do "
         f"in {sum(compared)} of {len(compared)} comparisons."
     )
     for group in by_count:
@@ -96,14 +98,14 @@ def _conclusions(by_count: Sequence[Sequence[Source]]) -> list[str]:
             if each is not reference
         ]
         lines.append(
-            f"With {reference.count} labels, compared with those {_called(reference)}: "
+            f"With {reference.count} labels, compared with *{_called(reference)}*: "
             f"{'; '.join(told)}."
         )
     return lines
 
 
 def _clusters_against(group: Sequence[Source], name: str) -> list[bool]:
-    """Return whether labels from clusters score more than others, for each way to cluster."""
+    """Return True for each clustered source that scores more than the source of this name."""
     return [
         _difference(each, other).low > 0
         for other in group
@@ -120,12 +122,12 @@ def _verdict(compared: Sequence[bool]) -> Verdict:
 
 
 def _reference(group: Sequence[Source]) -> Source:
-    """Return the labels to compare with: those by hand where there are some, else the even ones."""
+    """Return the source to compare with: labels by hand if there are any, else even labels."""
     for name in (BY_HAND, EVEN):
         for each in group:
             if each.name == name:
                 return each
-    raise NoResults(f"there are no evenly spaced labels to compare those of {group[0].name} with")
+    raise NoResults(f"there are no evenly spaced labels to compare with those from {group[0].name}")
 
 
 def _called(source: Source) -> str:
@@ -133,7 +135,7 @@ def _called(source: Source) -> str:
 
 
 def better_words(difference: Interval) -> str:
-    """Return a difference in scores in words."""
+    """Return the words for a difference in scores, in catches."""
     if difference.low >= MATTERS:
         return "better"
     if difference.high <= -MATTERS:

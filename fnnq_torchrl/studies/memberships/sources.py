@@ -1,4 +1,4 @@
-"""The scores with labels from one source, over a range of step sizes."""
+"""The scores that labels from each source reach, each with its best step size."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ class Source:
 
     Attributes:
         name: the source.
-        clustered: whether they were found by clustering.
+        clustered: True if the labels were found by clustering.
         labels: [centre, σ] of each label at the start of learning.
         best_alpha: the best α by the first half of the seeds.
         scores: the mean scores of the second half at that α, ``[runs]``.
         runs: the number of seeds with each α.
-        alphas: the α that were tried, rising.
+        alphas: the tried α, in rising order.
         diverged: the number of diverged runs over all α.
     """
 
@@ -49,8 +49,8 @@ def read_sources(experiment: Experiment) -> list[Source]:
     """Read the results of ``+experiment=memberships``, in the order of its jobs.
 
     Raises:
-        NoResults: the jobs have different seeds.
-        OSError, ValueError: a checkpoint can't be read, or there are too few seeds to halve them.
+        NoResults: if the jobs have different seeds.
+        OSError, ValueError: if a checkpoint can't be read, or there are too few seeds to halve.
     """
     runs, jobs = same_seeds(experiment.jobs), defaultdict[tuple[str, int], list[Job]](list)
     for job in experiment.jobs:
@@ -75,7 +75,7 @@ def _source(name: str, jobs: list[Job], runs: int) -> Source:
 
 
 def name_of(job: Job) -> str:
-    """Return where a job's labels come from, in words."""
+    """Return the name of the source of a job's labels."""
     value = job.config.value
     if value.membership == CLUSTERED:
         method = {"kmeans": "k-means", "mixture": "mixture of Gaussians"}[value.clustering]
@@ -90,7 +90,7 @@ def labels_of(job: Job) -> list[list[float]]:
     """Return [centre, σ] of a job's labels of the bearing at the start of learning.
 
     Raises:
-        OSError, ValueError: its checkpoint, which has those that were found, can't be read.
+        OSError, ValueError: if its checkpoint, which has the labels from clusters, can't be read.
     """
     value = job.config.value
     if value.membership != CLUSTERED:

@@ -1,1 +1,1 @@
-"""The study of what prior knowledge does to learning: from result files to a page."""
+"""The page on learning from prior knowledge, ``docs/prior.md``, made from result files."""

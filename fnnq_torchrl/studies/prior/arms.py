@@ -1,4 +1,4 @@
-"""The arms of the study: what is known before learning, and what came of it."""
+"""The arms of the study: jobs with different prior knowledge, and their results."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ _SOURCES = {
     ("wrong.txt", None): WRONG,
     (None, "operator.csv"): OPERATOR,
 }
-"""What the arms are called, by ``rules.prior`` and ``rules.demonstrations``."""
+"""The name of an arm's prior knowledge, by ``rules.prior`` and ``rules.demonstrations``."""
 
 _BEARINGS = 181
 
@@ -38,12 +38,12 @@ class Arm:
     """A job of the experiment.
 
     Attributes:
-        source: what is known, of the names above.
+        source: the name of the prior knowledge, such as :data:`ROUGH`.
         margin: ``rules.margin``, in units of Q.
-        job: its results.
-        start: the consequents before learning, float64 ``[labels of the bearing, of steer]``.
-        learned: those after it, ``[runs, …]``.
-        rules: a rule base of the same labels.
+        job: the job's results.
+        start: the consequents before learning, float64 ``[bearing labels, steer labels]``.
+        learned: the consequents after learning, ``[runs, bearing labels, steer labels]``.
+        rules: a rule base with the job's labels; its consequents are 0.
     """
 
     source: str
@@ -55,7 +55,7 @@ class Arm:
 
     @property
     def words(self) -> str:
-        """What it is called where there are arms of several margins."""
+        """The arm's name, with its margin if its prior knowledge has one."""
         return self.source if self.source in (NOTHING, HOPES) else f"{self.source}, {self.margin:g}"
 
     @property
@@ -65,13 +65,20 @@ class Arm:
         return curve
 
     def measure(self, name: str) -> NDArray[np.float64]:
-        """A measure of each run, ``[runs]``, of :data:`.MEASURES`."""
+        """Return a measure of each run, ``[runs]``.
+
+        Args:
+            name: a key of :data:`.MEASURES`.
+        """
         return MEASURES[name].of(self.job.evaluations)
 
     def distance_to(self, consequents: Tensor) -> NDArray[np.float64]:
-        """How far each run's best action is from that of other consequents, ``[runs]``.
+        """Return the distance of each run's best action from that of other consequents, ``[runs]``.
 
-        The mean of the absolute differences over the bearings that a ball starts at.
+        It is the mean absolute difference over the bearings at which a ball can start.
+
+        Args:
+            consequents: the other consequents, ``[bearing labels, steer labels]``.
         """
         start_angle = self.job.config.env.start_angle_rad
         bearings = torch.linspace(-start_angle, start_angle, _BEARINGS, dtype=torch.float64)
@@ -88,11 +95,11 @@ class Arm:
 
 
 def read_arms(experiment: Experiment) -> list[Arm]:
-    """The arms of ``experiment=prior``, in the order of its jobs.
+    """Read the arms of ``+experiment=prior``, in the order of its jobs.
 
     Raises:
-        NoResults: a job isn't one of them.
-        OSError, ValueError: a file can't be read, or is damaged.
+        NoResults: if a job doesn't belong to this experiment.
+        OSError, ValueError: if a file can't be read, or is damaged.
     """
     return [_read_arm(job) for job in experiment.jobs]
 
@@ -100,7 +107,7 @@ def read_arms(experiment: Experiment) -> list[Arm]:
 def _read_arm(job: Job) -> Arm:
     told = (job.settings.get("rules.prior"), job.settings.get("rules.demonstrations"))
     if told not in _SOURCES:
-        raise NoResults(f"{job.directory}: is no job of experiment=prior")
+        raise NoResults(f"{job.directory}: isn't a job of experiment=prior")
     variables = partition(job.config.value, job.config.env)
     zeros = torch.zeros([len(variable.labels) for variable in variables])
     rules = RuleBase(variables, "value", zeros)
@@ -116,10 +123,10 @@ def _read_arm(job: Job) -> Arm:
 
 
 def find(arms: list[Arm], source: str, margin: float | None = None) -> Arm:
-    """The arm of a source and a margin; of any margin if not given.
+    """Return the first arm with this source and, if given, this margin.
 
     Raises:
-        NoResults: there is none.
+        NoResults: if there is no such arm.
     """
     for arm in arms:
         if arm.source == source and margin in (None, arm.margin):

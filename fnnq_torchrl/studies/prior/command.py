@@ -1,4 +1,4 @@
-"""Writes what prior knowledge does: ``python -m fnnq_torchrl.prior``."""
+"""Write the page on prior knowledge and its figures: ``python -m fnnq_torchrl.prior``."""
 
 import sys
 
@@ -14,7 +14,7 @@ from .pictures import curves_figure, rules_figure
 
 
 def main() -> None:
-    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    """Run the command. An error is one line on stderr and exit status 1."""
     arguments = page_parser("python -m fnnq_torchrl.prior", __doc__).parse_args()
     try:
         arms = read_arms(newest_experiment(arguments.results, "prior"))

@@ -1,4 +1,4 @@
-"""The noisy operator of the study: conf/rules/operator.csv comes from here."""
+"""The simulated noisy operator of the study, who made ``conf/rules/operator.csv``."""
 
 import torch
 from torch import Tensor
@@ -14,17 +14,18 @@ SEED = 0
 
 
 def demonstrate(world: WorldConfig) -> Tensor:
-    """Have the operator follow the ball in some situations of the world.
+    """Return the demonstrations of an operator who follows the ball in EPISODES situations.
 
-    The operator steers by −GAIN times the bearing that the robot sees, with a normal error of
-    standard deviation NOISE_STD, cut off at ±1; with probability CARELESS by anything instead.
+    The operator steers by −GAIN times the bearing that the robot sees, plus a normal error of
+    standard deviation NOISE_STD, clamped to ±1. With probability CARELESS, a step's action is
+    uniform in [−1, 1] instead.
 
     Args:
         world: of kind ``follow_ball``.
 
     Returns:
-        The bearings and the actions, ``[steps, 2]``, one situation after the other, to three
-        decimals.
+        The bearing (rad) and the action of each step, ``[steps, 2]``, one situation after the
+        other, rounded to three decimals.
     """
     env = make_world(world, [EPISODES], seed=0, dtype=torch.float64)
     generator = torch.Generator().manual_seed(SEED)

@@ -17,14 +17,14 @@ from .operator import CARELESS, EPISODES, GAIN, NOISE_STD, demonstrate
 
 _PAGE = """# What prior knowledge does
 
-The paper starts from nothing: all rules are 0. Its introduction has another idea: «the robot learns
-its general behavior by imitating an operator and fine tunes by RL». `rules.prior=FILE` and
-`rules.demonstrations=FILE.csv` do that. Here is what it is worth:
+In the paper all rules start at 0. Its introduction has another idea: «the robot learns its general
+behavior by imitating an operator and fine tunes by RL». Here, `rules.prior=FILE` starts from rules
+that you write, and `rules.demonstrations=FILE.csv` from an operator's actions. The results:
 
 {in_short}
 `make prior` writes this page from result files; no number in it was typed by hand.
 
-## How to tell it
+## How to give prior knowledge
 
 ```
 python -m fnnq_torchrl.train rules.prior=rough.txt
@@ -35,54 +35,55 @@ python -m fnnq_torchrl.rules run=outputs/an_earlier_job record=FILE.csv
 ```
 
 * A file has rules of values, `if bearing is far_left and steer is hard_left then value is 0.5`, or
-  of what to do, `if bearing is far_left then steer hard_left`, as many as there are (`.txt`); or it
-  is a whole rule base or a distilled controller, as `export=` writes it (`.txt`, `.json`, `.fll`,
-  `.fis`). Its labels must be the network's, which `value.inputs`, `value.action` and `value.t_norm`
-  set. Rules that it doesn't name start at 0.
-* What to do becomes values. With a\\* to be done in a state, its rule for the action label at a is
-  worth margin · (1 − ((a − a\\*)/d)²), where d is the distance between the outermost labels: the
-  margin (`rules.margin`) for a\\*, 0 at the far end. Between such states the best action is about
-  the weighted mean of their a\\*, as in a Takagi–Sugeno controller.
+  rules of actions, `if bearing is far_left then steer hard_left`, and need not have all of them
+  (`.txt`). Or it has a whole rule base or a distilled controller, as `export=` writes it (`.txt`,
+  `.json`, `.fll`, `.fis`). Labels and t-norm must be the network's, which `value.inputs`,
+  `value.action` and `value.t_norm` set. Rules that the file leaves out start at 0.
+* A rule of an action becomes values. If it says a\\* for a state, the value rule of that state and
+  the action label at a starts at margin · (1 − ((a − a\\*)/d)²), where d is the distance between
+  the outermost labels: the margin (`rules.margin`) for a\\*, 0 at the far end. Between the states
+  of two rules, the best action is about the weighted mean of their a\\*, as in a Takagi–Sugeno
+  controller.
 * A directory of a finished job gives the mean over its runs.
-* `rules.frozen` names rules that stay as they are: the labels of the inputs and of the action,
-  joined by `/`. `*` is any label, and so is what is left out at the end.
-* Demonstrations are rows of observations and an action. The consequents are fitted so that each
-  other candidate is worth less than the operator's, by the margin times the squared distance as a
-  share of the range: a large-margin loss (Hester et al. 2018), smoothed, convex, the same for all
-  runs. A state's best action label is then worth the margin, as in a told controller. With a prior
-  too, the fit starts from it.
+* `rules.frozen` names rules that learning doesn't change: the labels of the inputs and of the
+  action, joined by `/`. `*` stands for any label, and so do labels left out at the end.
+* Demonstrations are rows of observations and an action. The consequents are fitted so that Q of the
+  operator's action exceeds Q of each other candidate by the margin times their squared distance (as
+  a share of the range). The loss is a large-margin loss (Hester et al. 2018), smoothed and convex,
+  and the same for all runs. A state's best action label then has the margin as its value, as with
+  rules of actions. If there is a prior too, the fit starts from it.
 
 ## What is compared
 
 * *{nothing}*: all rules start at 0;
-* *{hopes}*: all rules start at {hope:g}. It knows nothing, but untried actions look good, so that
-  all are tried. Whatever starts from high values has that too;
-* *{rough}*: five sentences, [`rough.txt`](../conf/rules/rough.txt);
-* *{wrong}*: the same with every sign reversed, [`wrong.txt`](../conf/rules/wrong.txt);
+* *{hopes}*: all rules start at {hope:g}. These rules prefer no action, but untried actions
+  look good, so that all are tried. The same holds for any prior with high values;
+* *{rough}*: five rules of actions, [`rough.txt`](../conf/rules/rough.txt);
+* *{wrong}*: the same rules with the opposite actions, [`wrong.txt`](../conf/rules/wrong.txt);
 * *{operator}*: {steps:,} steps of {episodes} situations,
-  [`operator.csv`](../conf/rules/operator.csv). This operator is made up: it steers by −{gain:g}
-  times the bearing, with a normal error of standard deviation {noise:g}, and does anything instead
+  [`operator.csv`](../conf/rules/operator.csv). The operator is simulated: it steers by −{gain:g}
+  times the bearing, with a normal error of standard deviation {noise:g}, and at random
   in {careless:g} % of the steps.
 
 Each has {runs:,} seeds; the last three have the margins {margins}. Everything else is as by
 default. The early score is the mean over the first {early} evaluations after learning began, one
 after every {every} situations; the final score is the mean over the last {final}. Brackets are
 {confidence:g} % bootstrap intervals; differences are between the same seeds. A difference of fewer
-than {matters} catches, of five, doesn't matter; that is our choice.
+than {matters} catches, of five, counts as too small to matter; this limit is our choice.
 
 ![Score over the course of learning](figures/prior.png)
 
 {scores}
-*Lowest* is the lowest point of the mean learning curve after learning began: what is told can be
-unlearned before it is learned again.
+*Lowest* is the lowest point of the mean learning curve after learning began: a run can unlearn its
+prior knowledge before it learns it again.
 
 ## How the rules change
 
 ![The rules before and after learning](figures/prior_rules.png)
 
-The best action after learning differs from what was told by so much, in units of steer (its range
-is 2), as a mean over the bearings at which a ball starts; the last column has the same for runs
-that were told nothing:
+The table shows how far the best action after learning is from that of the prior knowledge, in units
+of steer (its range is 2), as a mean over the bearings at which a ball starts. The last column has
+the same distance for runs that started from nothing:
 
 {distances}"""
 
@@ -90,8 +91,11 @@ that were told nothing:
 def write_page(arms: Sequence[Arm]) -> str:
     """Return the page.
 
+    Args:
+        arms: the jobs of the experiment.
+
     Raises:
-        NoResults: an arm is missing, or they have different seeds.
+        NoResults: if an arm is missing, or the arms have different seeds.
     """
     arms = [*arms]
     runs = same_seeds([arm.job for arm in arms])
@@ -124,36 +128,36 @@ def write_page(arms: Sequence[Arm]) -> str:
 
 
 def _in_short(arms: list[Arm], margins: Sequence[float]) -> list[str]:
-    """What came out, each in a sentence or two."""
+    """Return the results in sentences, one string for each."""
     nothing, hopes, most = find(arms, NOTHING), find(arms, HOPES), margins[-1]
     rough, wrong, operator = (find(arms, source, most) for source in (ROUGH, WRONG, OPERATOR))
     sentences = [
-        f"**{name}** (margin {most:g}) catches {arm.curve[0]:.2f} of 5 before it learns, nothing "
-        f"told {nothing.curve[0]:.2f}. In the first {EARLY_EVALUATIONS} evaluations it scores "
-        f"{_against(arm, nothing, 'early_score')} than nothing told, in the last "
-        f"{FINAL_EVALUATIONS} {_against(arm, nothing, 'final_score')}."
+        f"**{name}** (margin {most:g}) catches {arm.curve[0]:.2f} of 5 before learning; starting "
+        f"from nothing catches {nothing.curve[0]:.2f}. Compared with starting from nothing, it "
+        f"scores {_against(arm, nothing, 'early_score')} in the first {EARLY_EVALUATIONS} "
+        f"evaluations, and {_against(arm, nothing, 'final_score')} in the last {FINAL_EVALUATIONS}."
         for name, arm in (
             ("A rough controller", rough),
-            ("A wrong one", wrong),
+            ("A wrong controller", wrong),
             ("Imitation of a noisy operator", operator),
         )
     ]
     recovers = _verdict(wrong, nothing, "final_score", Expected.LESS) is Verdict.FAILS
-    sentences[1] += " So it recovers." if recovers else " It does not recover."
+    sentences[1] += " So learning corrects it." if recovers else " Learning does not correct it."
     sentences.append(
-        f"**Part of that is hope.** High values alone, without a preference, score "
-        f"{_against(hopes, nothing, 'early_score')} than nothing told in the first "
-        f"{EARLY_EVALUATIONS}. Compared with them the rough controller scores "
-        f"{_against(rough, hopes, 'early_score')}, the wrong one "
-        f"{_against(wrong, hopes, 'early_score')}, the operator "
+        f"**High values alone** have a part in this. Without a preferred action, they score "
+        f"{_against(hopes, nothing, 'early_score')} than starting from nothing in the first "
+        f"{EARLY_EVALUATIONS} evaluations. Compared with them, the rough controller scores "
+        f"{_against(rough, hopes, 'early_score')}, the wrong controller "
+        f"{_against(wrong, hopes, 'early_score')}, and the operator "
         f"{_against(operator, hopes, 'early_score')}."
     )
     if len(margins) > 1:
         least = find(arms, ROUGH, margins[0])
         sentences.append(
-            f"**The margin matters.** With {margins[0]:g} instead of {most:g}, learning soon turns "
-            f"away from the rough controller: its mean score falls to {least.curve[1:].min():.2f} "
-            f"before it rises again, instead of {rough.curve[1:].min():.2f}."
+            f"**The margin matters.** With {margins[0]:g} instead of {most:g}, learning soon "
+            "forgets part of the rough controller: the lowest mean score is "
+            f"{least.curve[1:].min():.2f} instead of {rough.curve[1:].min():.2f}."
         )
     return sentences
 
@@ -169,12 +173,12 @@ def _verdict(arm: Arm, other: Arm, measure: str, expected: Expected) -> Verdict:
 
 
 def _against(arm: Arm, other: Arm, measure: str) -> str:
-    """The difference of two arms in words that complete «scores … than»."""
+    """Return the words for the difference of two arms, as in "it scores … in the first 10"."""
     difference = _difference(arm, other, measure)
     value, low, high = difference
     if low <= 0 <= high:
         return f"neither clearly more nor less ({interval_words(difference, signed=True)})"
-    same = " (which doesn't matter)" if _same(difference) else ""
+    same = " (too little to matter)" if _same(difference) else ""
     if value > 0:
         return f"{interval_words(difference)} more{same}"
     return f"{interval_words(Interval(-value, -high, -low))} less{same}"
@@ -185,7 +189,7 @@ def _same(difference: Interval) -> bool:
 
 
 def _scores(arms: Sequence[Arm], nothing: Arm) -> str:
-    """A row for each arm."""
+    """Return the table of scores, with a row for each arm, and a sentence on forgetting."""
     against = "against nothing"
     head = ["", "before", "early score", against, "lowest", "final score", against, "forgetting"]
     rows = []
@@ -219,4 +223,4 @@ def _distances(told: Sequence[Arm], nothing: Arm) -> str:
                 *(interval_words(bootstrap_interval(np.mean, each)) for each in (ours, theirs)),
             ]
         )
-    return table(["", "told this", "told nothing"], rows)
+    return table(["", "with this prior", "from nothing"], rows)

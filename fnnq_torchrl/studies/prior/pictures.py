@@ -20,7 +20,7 @@ from .arms import HOPES, NOTHING, Arm
 
 
 def curves_figure(arms: Sequence[Arm]) -> Figure:
-    """Draw the score over the course of learning: a panel for each margin."""
+    """Draw the learning curves of the arms, in a panel for each margin."""
     told = [arm for arm in arms if arm.source not in (NOTHING, HOPES)]
     untold = [arm for arm in arms if arm not in told]
     margins = sorted({arm.margin for arm in told})
@@ -44,7 +44,7 @@ def curves_figure(arms: Sequence[Arm]) -> Figure:
         axes.set_xlabel("learning situations")
         axes.set_ylim(0, 5.15)
         axes.set_xlim(0, evaluations.situations[-1])
-        # Not beside their ends, where all the lines come together.
+        # Labels at the ends of the lines would overlap: all lines end at nearly the same score.
         axes.legend(loc="lower right", frameon=False)
         quiet_grid(axes)
     row[0].set_ylabel("score (catches, of 5)")
@@ -52,7 +52,7 @@ def curves_figure(arms: Sequence[Arm]) -> Figure:
 
 
 def rules_figure(arms: Sequence[Arm]) -> Figure:
-    """Draw the consequents before learning and after it: a row of two grids for each arm."""
+    """Draw the consequents before and after learning, in a row of two grids for each arm."""
     figure = new_figure(
         9.0,
         2.3 * len(arms) + 0.6,

@@ -1,1 +1,1 @@
-"""The rules of finished jobs: to read, to explain, to draw, to take away."""
+"""Commands that print, explain, draw and export the rules of finished jobs."""

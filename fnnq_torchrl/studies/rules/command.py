@@ -1,13 +1,13 @@
-"""Prints the rules that a job has learned, explains them, and takes them away.
+"""Print, explain and export the rules that a job has learned.
 
     python -m fnnq_torchrl.rules run=DIR                       # the rules and the controller
-    python -m fnnq_torchrl.rules run=DIR explain.bearing=0.3   # why this action
+    python -m fnnq_torchrl.rules run=DIR explain.bearing=0.3   # why it takes its action
     python -m fnnq_torchrl.rules run=DIR export=ctl.fll        # or .fis .c .onnx .pt2 .json .txt
 
-seed=best (or mean, or a run's seed), format=text (or markdown, csv, json),
-controller=full or distilled and export_float=true go with export=, picture=FILE with explain.…,
-record=FILE.csv writes what the run saw and did in its test, own=true imports classes of your own,
-page=FILE.md writes the distilled controllers' faithfulness into a page.
+seed=best chooses the run (or mean, or a run's seed). format=text may be markdown, csv or json.
+controller=full or distilled and export_float=true need export=FILE. picture=FILE needs explain.….
+record=FILE.csv writes the run's observations and actions in its test. own=true imports your own
+classes. page=FILE.md compares the learned and the distilled controllers of all runs in a page.
 """
 
 import sys
@@ -41,7 +41,7 @@ _KEYS = (
 
 
 def main() -> None:
-    """Read ``sys.argv``; what goes wrong is one line on stderr and a status that isn't 0."""
+    """Run the command. An error is one line on stderr and an exit status other than 0."""
     words = read_words("python -m fnnq_torchrl.rules", __doc__, _KEYS)
     try:
         _run(words)
@@ -61,9 +61,9 @@ def _run(words: dict[str, str]) -> None:
     }
     for key, others in (("controller", "export"), ("export_float", "export")):
         if key in words and others not in words:
-            raise RulesError(f"{key}={words[key]}: goes with {others}=FILE")
+            raise RulesError(f"{key}={words[key]}: needs {others}=FILE")
     if "picture" in words and not observation:
-        raise RulesError(f"picture={words['picture']}: goes with explain.…=NUMBER")
+        raise RulesError(f"picture={words['picture']}: needs explain.…=NUMBER")
     if observation:
         explanation = chosen.rules.explain(observation)
         picture = Path(words.get("picture", job.directory / "explanation.png"))
@@ -86,10 +86,13 @@ def _run(words: dict[str, str]) -> None:
 
 
 def chosen_run(words: dict[str, str]) -> tuple[Job, Chosen]:
-    """The job and the run that the words ``run=DIR``, ``seed=…`` and ``own=…`` choose.
+    """Return the job and the run that ``run=DIR``, ``seed=…`` and ``own=…`` choose.
+
+    Args:
+        words: the command's arguments, by key.
 
     Raises:
-        OSError, ValueError: as in :func:`.read_job` and :func:`.choose`, or there is no ``run=``.
+        OSError, ValueError: as in :func:`.read_job` and :func:`.choose`, or ``run=`` is missing.
     """
     if "run" not in words:
         raise RulesError("run=DIR is missing, the directory of a finished job")
@@ -99,7 +102,7 @@ def chosen_run(words: dict[str, str]) -> tuple[Job, Chosen]:
 
 
 def truth(key: str, value: str) -> bool:
-    """``true`` or ``false`` as a value of a key."""
+    """Return the value of a key, ``true`` or ``false``, as a bool."""
     if value not in ("true", "false"):
         raise RulesError(f"{key}={shown(value)}: must be true or false")
     return value == "true"
@@ -110,6 +113,6 @@ def _number(key: str, value: str) -> float:
         number = float(value)
     except ValueError:
         number = float("nan")
-    if number - number != 0:  # no number, or infinite
+    if number - number != 0:  # not a number, or infinite
         raise RulesError(f"{key}={shown(value)}: must be a finite number")
     return number

@@ -1,4 +1,4 @@
-"""The rules that a finished job has learned."""
+"""Finished jobs with ``value=fnnq``, and the choice of a run whose rules are read."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +19,12 @@ BEST, MEAN = "best", "mean"
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A job's runs.
+    """A finished job and the consequents that its runs have learned.
 
     Attributes:
-        directory: where its files are.
-        config: its configuration.
-        seeds: the runs', int64 ``[runs]``.
+        directory: the job's directory.
+        config: the job's configuration.
+        seeds: the seeds of the runs, int64 ``[runs]``.
         weights: the consequents of each run, ``[runs, labels of input 1, …, action labels]``.
     """
 
@@ -35,15 +35,19 @@ class Job:
 
     @property
     def candidates(self) -> Tensor:
-        """The actions among which the best is sought, ``[candidates]``."""
+        """The actions that the greedy policy compares, ``[candidates]``."""
         return make_candidates(self.config, self.weights.dtype)
 
     def network(self) -> FNNQValue:
-        """The network of a single run, whose weights are to be replaced."""
+        """Return a network for a single run, with start weights."""
         return FNNQValue.from_config(self.config.value, self.candidates, 1)
 
     def rules(self, weights: Tensor) -> RuleBase:
-        """The rules with some consequents, ``[labels of input 1, …, action labels]``."""
+        """Return the job's rule base with the given consequents.
+
+        Args:
+            weights: the consequents, ``[labels of input 1, …, action labels]``.
+        """
         return RuleBase(
             partition(self.config.value, self.config.env),
             "value",
@@ -56,14 +60,14 @@ class Job:
 
 @dataclass(frozen=True, eq=False)
 class Chosen:
-    """What is to be read of a job: one run, or the mean over them.
+    """A chosen run of a job, or the mean over the job's runs.
 
     Attributes:
-        words: which it is, for people.
-        seed: the run's; of the mean, the first run's.
-        weights: the consequents.
-        rules: the same as rules.
-        spread: the standard deviation of each consequent over the runs; of the mean only.
+        words: a description for titles, such as "seed 5".
+        seed: the seed of the run, or of the first run if this is the mean.
+        weights: the consequents, ``[labels of input 1, …, action labels]``.
+        rules: the rule base with these consequents.
+        spread: the standard deviation of each consequent over the runs; None for a single run.
     """
 
     words: str
@@ -74,27 +78,28 @@ class Chosen:
 
 
 def read_job(directory: Path, *, own: bool = False) -> Job:
-    """Read a finished job of ``value=fnnq``.
+    """Read a finished job with ``value=fnnq``.
 
     Args:
-        directory: the job's.
-        own: whether to import classes of the user's own that its configuration names.
+        directory: the job's directory.
+        own: True to import the user's own classes that the job's configuration names.
 
     Raises:
-        OSError: its checkpoint.pt can't be read.
-        ValueError: it is damaged, or the job's value function has no rules. One line.
+        OSError: if checkpoint.pt can't be read.
+        ValueError: if there is no finished job, its checkpoint.pt is damaged, its value function
+            has no rules, or its runs learned their labels. The message is one line.
     """
     if not directory.is_dir():
         raise RulesError(f"{directory}: there is no such directory")
     if not (directory / "checkpoint.pt").is_file():
-        raise RulesError(f"{directory}: has no checkpoint.pt, so it is no finished job")
+        raise RulesError(f"{directory}: has no checkpoint.pt, so it isn't a finished job")
     checkpoint = load_checkpoint(directory / "checkpoint.pt")
     config = to_config(checkpoint.config, own=own)
     if config.value.kind != "fnnq":
         raise RulesError(f"{directory}: value={config.value.kind} has no rules; value=fnnq has")
     if config.value.learn_memberships:
-        advice = "fnnq_torchrl.load_rules reads one run's"
-        raise RulesError(f"{directory}: each of its runs has labels of its own; {advice}")
+        advice = "read a single run with fnnq_torchrl.load_rules"
+        raise RulesError(f"{directory}: each run has learned its own labels; {advice}")
     return Job(directory, config, checkpoint.seed, checkpoint.weights["weight"])
 
 
@@ -102,12 +107,13 @@ def choose(job: Job, which: str) -> Chosen:
     """Choose a run of a job, or the mean over its runs.
 
     Args:
-        job: which.
+        job: the job.
         which: ``best``, ``mean``, or a run's seed.
 
     Raises:
-        OSError: evaluations.csv, which says which run is the best, can't be read.
-        ValueError: that is damaged, or there is no such run. One line.
+        OSError: if ``which`` is ``best`` and evaluations.csv, which has the scores, can't be read.
+        ValueError: if evaluations.csv is damaged, or the job has no run with this seed. The message
+            is one line.
     """
     seeds = job.seeds.tolist()
     if which == MEAN:
@@ -127,12 +133,15 @@ def choose(job: Job, which: str) -> Chosen:
 
 
 def _best(job: Job) -> tuple[int, float]:
-    """The place and the final score of the best run, by the final and then by the mean score."""
+    """Return the index and the final score of the run with the best final score.
+
+    The mean score decides between runs with the same final score.
+    """
     measure = job.config.env.tested.measure
     evaluations = read_evaluations(job.directory / "evaluations.csv", measure)
     if evaluations.seed.tolist() != job.seeds.tolist():
-        raise RulesError(f"{job.directory}: evaluations.csv and checkpoint.pt have other runs")
-    # A final score is a mean over a few evaluations, so that many runs may share the best one.
+        raise RulesError(f"{job.directory}: evaluations.csv and checkpoint.pt have different runs")
+    # A final score is a mean over a few evaluations, so many runs may have the same best score.
     sums = evaluations.final_score + 1e-6 * evaluations.mean_score
     place = best_first([sums[i : i + 1] for i in range(evaluations.runs)], measure)[0]
     return place, float(evaluations.final_score[place])

@@ -1,8 +1,8 @@
-"""How faithful distilled controllers are, over many seeds: a part of docs/rules.md.
+"""The comparison of learned and distilled controllers over many seeds, a part of docs/rules.md.
 
     python -m fnnq_torchrl.rules run=DIR page=docs/rules.md
 
-writes the table between the page's two marks.
+writes the comparison between two marks (HTML comments) in the page.
 """
 
 from pathlib import Path
@@ -25,11 +25,11 @@ Numbers = NDArray[np.float64]
 
 
 def write_faithfulness(job: Job, page: Path) -> None:
-    """Write the table into a page, between the two marks.
+    """Write a job's comparison into a page, between :data:`BEGIN` and :data:`END`.
 
     Raises:
-        OSError: the page can't be read or written.
-        RulesError: it has no marks, or the test doesn't count successes.
+        OSError: if the page can't be read or written.
+        RulesError: if the page lacks a mark, or the job's test doesn't count successes.
     """
     text = page.read_text(encoding="utf-8")
     before, begin, rest = text.partition(BEGIN)
@@ -42,10 +42,17 @@ def write_faithfulness(job: Job, page: Path) -> None:
 
 
 def faithfulness(job: Job) -> str:
-    """The table: successes of all runs by the best action and by the distilled controller."""
+    """Return the comparison in Markdown.
+
+    It compares the test's successes of all runs under the best action and under the distilled
+    controller.
+
+    Raises:
+        RulesError: if the job's test doesn't count successes.
+    """
     best = job.config.best_score
     if best is None:
-        raise RulesError(f"{job.directory}: its test counts no successes")
+        raise RulesError(f"{job.directory}: its test doesn't count successes")
     controllers = [job.rules(weights).controller() for weights in job.weights]
     system = controllers[0].distilled
     numbers = torch.stack([controller.distilled.consequents for controller in controllers])
@@ -63,15 +70,16 @@ def faithfulness(job: Job) -> str:
     one = (switches == 1).mean()
     return (
         f"Over {len(job.seeds):,} seeds, in the test after learning:\n\n"
-        + table(["", f"successes of {best}", "all of them"], rows)
-        + f"\nThe difference, of the same seeds: {interval_words(difference, signed=True)}. "
-        f"Over the range of the bearing, the two actions differ by {means.mean():.2f} in the mean "
-        f"and by {largest.mean():.2f} at most (means over the seeds). With {one:.0%} of the seeds "
-        "the best action changes its side exactly once.\n"
+        + table(["", f"successes of {best}", f"seeds with {best} of {best}"], rows)
+        + "\nThe distilled controller minus the best action, seed by seed: "
+        f"{interval_words(difference, signed=True)} successes. "
+        f"Over the range of the bearing, the two actions differ by {means.mean():.2f} on average "
+        f"and by at most {largest.mean():.2f} (means over the seeds). For {one:.0%} of the seeds, "
+        "the best action changes its sign exactly once over that range.\n"
     )
 
 
 def _sides(stretches: list[Stretch]) -> int:
-    """How often the action goes from one side of 0 to the other."""
+    """Return the number of sign changes of the action over the stretches."""
     signs = [np.sign(each.action) for each in stretches if abs(each.action) > 1e-6]
     return int(np.count_nonzero(np.diff(signs)))

@@ -1,4 +1,4 @@
-"""Pictures of rules: memberships, control surface, consequents, an episode, an explanation."""
+"""Pictures of a run: its memberships, Q surface, consequents, an episode and an explanation."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,15 +21,19 @@ _MOST_LINES = 8
 
 
 def draw_explanation(explanation: Explanation, picture: Path) -> None:
-    """Draw Q of the candidates, and what each rule adds to Q of the best one.
+    """Draw Q of the candidate actions, and each rule's contribution to Q of the explained action.
+
+    Args:
+        explanation: the explanation of an action.
+        picture: the file to write.
 
     Raises:
-        OSError: the file can't be written.
-        ValueError: its format is unknown.
+        OSError: if the file can't be written.
+        ValueError: if the file's format is unknown.
     """
     seen = ", ".join(f"{name} = {value:g}" for name, value in explanation.observation.items())
     title = f"{seen}: {explanation.action_name} {_plain(explanation.action):+g}"
-    figure = new_figure(10, 4.2, title, "Q is the sum of the bars; rules that fired less: no bar")
+    figure = new_figure(10, 4.2, title, "Q is the sum of the bars; rules below 1 % have no bar")
     curve, bars = figure.subplots(1, 2, width_ratios=(1, 1.3))
     curve.plot(explanation.candidates.numpy(), explanation.values.numpy(), color=LINES[0][0])
     curve.axvline(explanation.action, color=GREY, linestyle=":")
@@ -50,7 +54,7 @@ def draw_explanation(explanation: Explanation, picture: Path) -> None:
 
 
 def memberships(reading: Reading) -> Figure:
-    """The labels of every variable, their coverage, and which of them never fire."""
+    """Draw the labels of each variable and their gaps, and name the labels that hardly fired."""
     rules = reading.chosen.rules
     variables = rules.inputs
     never = ", ".join(_never_fired(reading)) or "none"
@@ -78,7 +82,10 @@ def memberships(reading: Reading) -> Figure:
 
 
 def surface(reading: Reading) -> Figure:
-    """Q over the first state input and the action, with the greedy line."""
+    """Draw Q over the first state input and the action, with the greedy action as a line.
+
+    The other state inputs are fixed at the middle of their ranges.
+    """
     rules = reading.chosen.rules
     state, *others = rules.states
     x = torch.linspace(*state.span(), _POINTS, dtype=torch.float64)
@@ -121,7 +128,7 @@ def surface(reading: Reading) -> Figure:
 
 
 def consequents(chosen: Chosen, snapshots: Snapshots) -> Figure:
-    """The consequents over the course of learning: of the run, or the mean over all of them."""
+    """Draw the consequents of the chosen run, or their mean over all runs, while it learned."""
     weights = snapshots.weights["weight"].double()
     if chosen.spread is None:
         history = weights[:, snapshots.seed.tolist().index(chosen.seed)]
@@ -129,7 +136,7 @@ def consequents(chosen: Chosen, snapshots: Snapshots) -> Figure:
         history = weights.mean(1)
     rules = chosen.rules
     columns = len(rules.action.labels)
-    caption = "a panel for each label of the action, a line for each of the state"
+    caption = "a panel for each action label, a line for each combination of state labels"
     figure = new_figure(3 * columns, 3.6, f"Consequents while learning, {chosen.words}", caption)
     panels = figure.subplots(1, columns, sharey=True, squeeze=False)[0]
     of_states = history.reshape(len(history), -1, columns).numpy()
@@ -150,7 +157,7 @@ def consequents(chosen: Chosen, snapshots: Snapshots) -> Figure:
 
 
 def episode(reading: Reading, situation: int) -> Figure:
-    """The robot's path in a situation of the test, the rules that fired, and the TD error."""
+    """Draw a situation of the test: the robot's path, the rules that fired, and the TD errors."""
     rules, played = reading.chosen.rules, reading.played
     before, after = played.before[:, 0, situation], played.after[:, 0, situation]
     counts = played.counts[:, 0, situation]
@@ -184,7 +191,7 @@ def episode(reading: Reading, situation: int) -> Figure:
 
 
 def _td_error(reading: Reading, points: Tensor, after: TensorDictBase) -> Tensor:
-    """δ′ = r + γ max Q(s′, ·) − Q(s, a) of each step (paper, eq. 5)."""
+    """Return δ′ = r + γ max Q(s′, ·) − Q(s, a) of each step (paper, eq. 5), ``[steps]``."""
     rules, gamma = reading.chosen.rules, reading.job.config.gamma
     states = torch.cat([after[name] for name in reading.played.names], dim=-1)
     ahead = rules.action_values(states).amax(-1).masked_fill(after["terminated"].squeeze(-1), 0)
@@ -192,7 +199,7 @@ def _td_error(reading: Reading, points: Tensor, after: TensorDictBase) -> Tensor
 
 
 def _path(axes: Axes, before: TensorDictBase, after: TensorDictBase, reading: Reading) -> None:
-    """The robot's way and the ball's, where the world has them; else the observations."""
+    """Draw the paths of the robot and the ball; in a world without them, the observations."""
     if not {"x_m", "y_m", "ball_angle_rad"} <= {*after.keys()}:
         for name, (colour, style) in zip(reading.played.names, LINES, strict=False):
             axes.plot(before[name].squeeze(-1).numpy(), color=colour, linestyle=style, label=name)
@@ -214,7 +221,7 @@ def _path(axes: Axes, before: TensorDictBase, after: TensorDictBase, reading: Re
 
 
 def _never_fired(reading: Reading) -> Iterator[str]:
-    """The labels whose rules together fired less than a hardly trained rule."""
+    """Yield the labels whose rules fired less than :data:`.HARDLY` in the replay, all together."""
     for i, variable in enumerate(reading.chosen.rules.inputs):
         others = [axis for axis in range(reading.fired.ndim) if axis != i]
         for label, fired in zip(variable.labels, reading.fired.sum(others).tolist(), strict=True):
@@ -232,5 +239,5 @@ def _gap_words(variables: tuple[Variable, ...]) -> str:
 
 
 def _plain(action: float) -> float:
-    """What rounding has left of 0 is 0."""
+    """Return the action in float32, with rounding errors around 0 removed."""
     return 0.0 if abs(action) < 1e-6 else float(np.float32(action))

@@ -1,13 +1,14 @@
-"""Draws a job's rules, each picture into a file of its own.
+"""Draw a job's rules: one file for each picture.
 
     python -m fnnq_torchrl.plot run=DIR
 
-memberships: the labels with their coverage. surface: Q over state and action with the greedy line.
-consequents: over the course of learning, where the job has kept snapshots.pt
-(checkpoint.snapshots=true). episode: firing strengths and TD error beside the robot's path.
+memberships: the labels and the gaps between them. surface: Q over state and action, with the greedy
+action as a line. consequents: the consequents during learning, if the job has kept snapshots.pt
+(checkpoint.snapshots=true). episode: the robot's path, the firing strengths and the TD errors.
 
-seed=best (or mean, or a run's seed), situation=1 (of the test, for the episode), to=DIR (by default
-the job's own), format=png (or svg, pdf), own=true imports classes of your own.
+seed=best chooses the run (or mean, or a run's seed). situation=1 chooses the test's situation for
+the episode. to=DIR is the directory for the files, by default the job's. format=png may be svg or
+pdf. own=true imports your own classes.
 """
 
 import sys
@@ -31,7 +32,7 @@ _FORMATS = ("png", "svg", "pdf")
 
 
 def main() -> None:
-    """Read ``sys.argv``; what goes wrong is one line on stderr and a status that isn't 0."""
+    """Run the command. An error is one line on stderr and an exit status other than 0."""
     keys = ("run", "seed", "situation", "to", "format", "own")
     words = read_words("python -m fnnq_torchrl.plot", __doc__, keys)
     try:
@@ -63,5 +64,5 @@ def _figures(job: Job, chosen: Chosen, situation: int) -> Iterator[tuple[str, Fi
     if snapshots.is_file():
         yield "consequents", pictures.consequents(chosen, load_snapshots(snapshots))
     else:
-        announce(f"no picture of the consequents: {snapshots} isn't there")
+        announce(f"no picture of the consequents: {snapshots} doesn't exist")
     yield "episode", pictures.episode(reading, situation)

@@ -1,4 +1,4 @@
-"""What is to be read of a run: its rules, how strongly they fired, and the controller."""
+"""The replayed test of a run: firing strengths, controller and scores."""
 
 from dataclasses import dataclass
 
@@ -11,24 +11,26 @@ from fnnq_torchrl.studies.rules.replay import Replay, distilled, greedy, replay
 from fnnq_torchrl.training.firing import FIRING, read_firing
 
 HARDLY = 1.0
-"""A rule whose strengths add up to less in the replay is hardly trained."""
+"""A rule counts as hardly trained if its firing strengths in the replay add up to less."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A run, ready to be told.
+    """A run's rules with the results of replaying its test.
 
     Attributes:
-        job: whose.
-        chosen: which of its runs.
-        played: the test, played by the full policy.
-        fired: how strongly each rule fired in it, summed over its steps, as the consequents.
-        learned: how strongly each rule fired while learning, summed over its steps, if the job has
-            counted that; of the mean over runs, the mean.
-        steps: how many steps there were.
-        controller: what it does.
-        full_score, distilled_score: the test's, of the full policy and of the distilled controller:
-            its successes, or its mean return where it doesn't count successes.
+        job: the job.
+        chosen: the run of the job, or the mean over its runs.
+        played: the test as played by the full (greedy) policy.
+        fired: each rule's firing strength, summed over the steps of ``played``; shaped like the
+            consequents.
+        learned: each rule's firing strength, summed over the steps of learning, or its mean over
+            the runs; None if the job has no such file.
+        steps: the number of steps in ``played``.
+        controller: the rules' best action over the states, with its distilled controller.
+        full_score: the score of the full policy in the test: the number of successes, or the mean
+            return if the test doesn't count successes.
+        distilled_score: the same score of the distilled controller.
     """
 
     job: Job
@@ -43,18 +45,22 @@ class Reading:
 
     @property
     def hardly_trained(self) -> Tensor:
-        """Which rules, bool, as the consequents."""
+        """True for each hardly trained rule, bool, shaped like the consequents."""
         return self.fired < HARDLY
 
     @property
     def score_words(self) -> str:
-        """What the scores are."""
+        """The name of the scores' measure, for people."""
         best = self.job.config.best_score
         return "mean return" if best is None else f"successes in the test's {best} situations"
 
 
 def read_run(job: Job, chosen: Chosen) -> Reading:
-    """Play the test again, by the full policy and by the distilled controller."""
+    """Replay the test with the full policy and with the distilled controller.
+
+    Raises:
+        OSError, ValueError: if the file of the firing strengths can't be read or is damaged.
+    """
     rules, seeds = chosen.rules, torch.tensor([chosen.seed])
     full = replay(job, seeds, chosen.weights.unsqueeze(0), lambda each: greedy(job, each))
     states, actions = full.visited()

@@ -1,4 +1,4 @@
-"""Demonstrations: what a run sees and does in its test, as a file for others to imitate."""
+"""Demonstrations: a run's observations and actions in its test, written for imitation."""
 
 from pathlib import Path
 
@@ -7,13 +7,13 @@ from fnnq_torchrl.studies.rules.reading import Reading
 
 
 def record(reading: Reading, path: Path) -> int:
-    """Write a row for each step of the test: the observations, by their names, and the action.
+    """Write a CSV file with a row for each step of the test: the observations and the action.
 
     Returns:
-        The number of rows.
+        The number of rows, without the header of names.
 
     Raises:
-        OSError: the file can't be written.
+        OSError: if the file can't be written.
     """
     states, actions = reading.played.visited()
     names = [*reading.played.names, reading.chosen.rules.action.name]

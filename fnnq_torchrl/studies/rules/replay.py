@@ -1,4 +1,7 @@
-"""A job's test, played again: what the robot saw and did, step by step."""
+"""Replays of a job's test that record the observations and the action of each step.
+
+A lane is one copy of the world; each run has a lane for each situation of the test.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,20 +18,20 @@ from fnnq_torchrl.studies.rules.job import Job
 from fnnq_torchrl.training.evaluation import FIRST_EPISODE
 
 Choice = Callable[[TensorDictBase], TensorDictBase]
-"""Sets the action in a state of the world, ``[lanes]``."""
+"""A policy: it sets the action in a state of the world, batch size ``[lanes]``."""
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """The test's situations of some runs, each from its start to its end.
+    """The replayed test of some runs, each situation from its start to its end.
 
     Attributes:
-        before: the world before each step, batch size ``[steps, runs, situations]``, with the
-            action.
-        after: the world after it.
-        counts: whether the situation hadn't ended before the step, bool ``[steps, runs,
-            situations]``.
-        names: the state inputs of the rules, in their order.
+        before: the observations before each step, and the action, batch size
+            ``[steps, runs, situations]``.
+        after: the world's state after each step, same batch size.
+        counts: True for the steps before and at the situation's end, bool
+            ``[steps, runs, situations]``.
+        names: the state inputs of the rules, in the rules' order.
     """
 
     before: TensorDict
@@ -38,31 +41,31 @@ class Replay:
 
     @property
     def successes(self) -> Tensor:
-        """How many situations each run ended in a success, int64 ``[runs]``."""
+        """The number of situations that each run ended with a success, int64 ``[runs]``."""
         return (self.after["success"].squeeze(-1) & self.counts).any(0).sum(-1)
 
     @property
     def returns(self) -> Tensor:
-        """The mean return of each run's situations, ``[runs]``."""
+        """Each run's mean return over its situations, ``[runs]``."""
         rewards = torch.where(self.counts, self.after["reward"].squeeze(-1), 0)
         return rewards.sum(0).mean(-1)
 
     def visited(self) -> tuple[Tensor, Tensor]:
-        """The states and the actions of all steps that count, float64.
+        """Return the states and the actions of all steps that count.
 
         Returns:
-            ``[steps, states]`` and ``[steps]``.
+            The states ``[steps, state inputs]`` and the actions ``[steps]``, float64.
         """
         states = torch.cat([self.before[name] for name in self.names], dim=-1)[self.counts]
         return states.double(), self.before["action"].squeeze(-1)[self.counts].double()
 
 
 def greedy(job: Job, weights: Tensor) -> Choice:
-    """The greedy policy of runs, as their test has it.
+    """Return the greedy policy that the job's test uses.
 
     Args:
-        job: whose network.
-        weights: of each lane, ``[lanes, labels of input 1, …, action labels]``.
+        job: the job, which has the network.
+        weights: the consequents for each lane, ``[lanes, labels of input 1, …, action labels]``.
     """
     policy = EpsilonGreedyPolicy(job.network(), epsilon=0.0)
     of_lanes = TensorDict({"weight": weights}, [len(weights)])
@@ -71,12 +74,12 @@ def greedy(job: Job, weights: Tensor) -> Choice:
 
 
 def distilled(job: Job, system: FuzzySystem, numbers: Tensor) -> Choice:
-    """Distilled controllers.
+    """Return the policy of distilled controllers, one for each lane.
 
     Args:
-        job: whose world.
-        system: has the controllers' rules.
-        numbers: of each lane, the rules' numbers, float64 ``[lanes, labels of input 1, …]``.
+        job: the job.
+        system: a distilled controller; the others have the same labels.
+        numbers: each lane's consequents, float64 ``[lanes, labels of input 1, …]``.
     """
     names = [variable.name for variable in system.inputs]
 
@@ -90,13 +93,13 @@ def distilled(job: Job, system: FuzzySystem, numbers: Tensor) -> Choice:
 
 @torch.no_grad()
 def replay(job: Job, seeds: Tensor, weights: Tensor, choice: Callable[[Tensor], Choice]) -> Replay:
-    """Play the test of a job's last evaluation again, from the same starts with the same chance.
+    """Replay the test of a job's last evaluation, with the same starts and random numbers.
 
     Args:
-        job: whose test.
-        seeds: of the runs that play, int64 ``[runs]``.
-        weights: what each of them plays by, ``[runs, …]``.
-        choice: makes the choice of lanes from their weights, ``[lanes, …]``.
+        job: the job.
+        seeds: the seeds of the runs that play, int64 ``[runs]``.
+        weights: the weights that each run plays with, ``[runs, …]``.
+        choice: a function from the lanes' weights ``[lanes, …]`` to their policy.
     """
     config, world = job.config, job.config.env.tested
     runs, tests = len(seeds), config.evaluation.tests

@@ -1,4 +1,4 @@
-"""A reading as text, Markdown, CSV or JSON."""
+"""Reports on a run's rules as text, Markdown, CSV or JSON."""
 
 import csv
 import io
@@ -12,21 +12,21 @@ from fnnq_torchrl.studies.reproduction.markdown import table
 from fnnq_torchrl.studies.rules.reading import HARDLY, Reading
 
 Grid = tuple[list[str], list[list[str]]]
-"""A table: its head, and its rows."""
+"""A table: the head and the rows."""
 
 
 def as_text(reading: Reading) -> str:
-    """All of it, for a terminal."""
+    """Return the whole report as aligned text for a terminal."""
     return "\n".join(_sections(reading, "{}", _aligned, "  {}"))
 
 
 def as_markdown(reading: Reading) -> str:
-    """All of it, for a page."""
+    """Return the whole report in Markdown."""
     return "\n".join(_sections(reading, "## {}\n", lambda grid: table(*grid), "* {}"))
 
 
 def as_csv(reading: Reading) -> str:
-    """The rules: a row each, with how strongly it fired."""
+    """Return the rules as CSV, a row for each rule with its firing strength."""
     rows = _rows(reading)
     text = io.StringIO()
     writer = csv.DictWriter(text, [*rows[0]], lineterminator="\n")
@@ -36,7 +36,7 @@ def as_csv(reading: Reading) -> str:
 
 
 def as_json(reading: Reading) -> str:
-    """All of it, for programs."""
+    """Return the whole report as JSON."""
     controller = reading.controller
     content = {
         "run": str(reading.job.directory),
@@ -65,11 +65,11 @@ FORMATS: dict[str, Callable[[Reading], str]] = {
     "csv": as_csv,
     "json": as_json,
 }
-"""The formats by their names."""
+"""The function for each value of ``format=``."""
 
 
 def _rows(reading: Reading) -> list[dict[str, Any]]:
-    """The rules with what is known of each."""
+    """Return a row for each rule: its labels, consequent, spread and firing strengths."""
     rows = reading.chosen.rules.table()
     fired = reading.fired.flatten().tolist()
     learned = None if reading.learned is None else reading.learned.flatten().tolist()
@@ -141,7 +141,7 @@ def _sections(
 
 
 def _grid(reading: Reading, cells: Sequence[str]) -> Grid:
-    """Cells of the rules, in their order: a row for each state, a column for each action label."""
+    """Return a table of cells, one for each rule: rows are state labels, columns action labels."""
     rules = reading.chosen.rules
     columns = len(rules.action.labels)
     heads = [
@@ -158,7 +158,7 @@ def _grid(reading: Reading, cells: Sequence[str]) -> Grid:
 
 
 def _aligned(grid: Grid) -> str:
-    """A table in columns of a width each; the first is to the left, the others to the right."""
+    """Return a table as aligned text: the first column to the left, the others to the right."""
     lines = [grid[0], *grid[1]]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "".join(
@@ -173,5 +173,5 @@ def _aligned(grid: Grid) -> str:
 
 
 def _number(action: float) -> str:
-    """A number with its sign; what rounding has left of 0 is 0."""
+    """Return a number with its sign; rounding errors around 0 become 0."""
     return f"{action + 0.0 if abs(action) > 1e-6 else 0.0:+.3g}"

@@ -1,1 +1,1 @@
-"""The page on the tasks with sonars."""
+"""The page on the tasks with sonars, ``docs/simulator.md``, made from result files."""

@@ -1,4 +1,4 @@
-"""Writes what is learned among obstacles: ``python -m fnnq_torchrl.simulator``."""
+"""Write the page on learning among obstacles: ``python -m fnnq_torchrl.simulator``."""
 
 import sys
 
@@ -11,7 +11,7 @@ from .page import write_page
 
 
 def main() -> None:
-    """Read ``sys.argv``; what goes wrong is one line on stderr and status 1."""
+    """Run the command. An error is one line on stderr and exit status 1."""
     arguments = page_parser("python -m fnnq_torchrl.simulator", __doc__).parse_args()
     try:
         page = arguments.to / "simulator.md"

@@ -1,4 +1,4 @@
-"""The page itself, in Markdown. Every number in it comes from the results."""
+"""The page in Markdown. The numbers in it come from the results."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,66 +14,69 @@ _SONAR = "value.inputs.sonar_front_m"
 
 _PAGE = """# What is learned among obstacles
 
-Written by `make simulator` from result files; no number here was typed by hand.
+The robot learns to catch the ball and to drive among obstacles with its sonars:
 
-The paper's simulator has sonars and a head that sees balls; the paper's own task needs the head
-alone. These two tasks need the sonars ([docs/worlds.md](worlds.md) has the worlds). The fuzzy
-network learns them by the same Q(λ), {runs} seeds each. Brackets are {confidence:g} % bootstrap
-intervals (BCa); differences are of the same seeds. *After learning* is the mean over the last
-{final} tests.
+* `follow_obstacles`: {share} % of the situations end in a catch after learning
+  (λ = {lam:g}, with sonars). Without sonars, the rules know only the bearing: in a test of {tests}
+  situations, the robot catches {blind}. With λ = 0, it catches
+  {traceless}.
+* `wander`: the robot drives {times} times as long before a collision as with random
+  driving (λ = {lam:g}).
+
+`make simulator` writes this page from result files; no number in it was typed by hand.
+
+The paper's simulator has sonars and a head that sees balls, and the paper's own task needs only
+the head. These two tasks need the sonars ([docs/worlds.md](worlds.md) describes the worlds). The
+fuzzy network learns them by the same Q(λ), with {runs} seeds each. Brackets are {confidence:g} %
+bootstrap intervals (BCa); differences are between the same seeds. *After learning* is the mean
+over the last {final} tests.
 
 ## Catch the ball, touch nothing (`task=follow_obstacles`)
 
-A field of 6 m x 6 m with three round obstacles, new ones each time, and a ball on a circle or on a
-line that walls throw back. Learning takes {situations} situations. A test is {tests} random ones;
-the score is how many end in a catch.
+The field is 6 m x 6 m, with three round obstacles at new places in each situation. The ball moves
+on a circle, or on a line between walls that it bounces off. Learning takes {situations}
+situations. A test has {tests} random situations; the score is the number that end in a catch.
 
 {hunt}
-**After learning, {share} % of the situations end in a catch** (λ = {lam:g}, with sonars).
-Without sonars the same learner, whose rules then know the bearing alone, catches {blind}.
-With λ = 0 it catches {traceless}.
-
 ## Drive about, touch nothing (`task=wander`)
 
-The same field without a ball; a situation is cut off after {limit} steps, and there are
-{wandered} of them. Before learning every action is as good as any other, which is random driving.
-The measure is the steps until a collision.
+The field is the same, without a ball. A situation ends after {limit} steps at the latest, and
+learning takes {wandered} situations. Before learning, all actions have the same value, so the robot
+drives at random. The score is the number of steps before a collision.
 
 {wander}
-**After learning it drives {times} times as long** as at random (λ = {lam:g}).
-
 ## The rules that it has learned
 
-The rules of `follow_obstacles` (λ = {lam:g}), two sonar labels each (near, far): which way do they
-steer? That is the action label with the highest consequent; in brackets, how many of the {runs}
-runs agree.
+The table shows the steering that the rules of `follow_obstacles` prefer (λ = {lam:g}): the action
+label with the highest consequent. Each sonar has two labels, near and far. Brackets have the share
+of the {runs} runs that agree.
 
 {rules}
-With two sides blocked, read aloud:
+With two sides blocked, the rules say:
 
 {aloud}
-Runs agree on what happens often. Two sides blocked are rare, and rules that hardly ever fire have
-learned little.
+Runs agree in situations that are frequent. Two blocked sides are rare, and rules that hardly ever
+fire have learned little.
 
 ## What was tried
 
-What a collision course looks like matters most: the nearer the labels *near* and *far* of the
-sonars, down to 0.1 and 0.5 m from the sonar, the better. A third label ahead, five labels of the
-steering, γ = 0.98 and λ = 0.5 learned no better or worse. Half the α and twice the situations
-helped. With obstacles all round the robot and farther apart, the sonars were of no use: few stood
-between it and the ball. None of the rewards is for keeping away from obstacles.
+The labels of the sonars matter most: the nearer *near* and *far* are, down to 0.1 and 0.5 m from
+the sonar, the better. A third label ahead, five labels of the steering, γ = 0.98 and λ = 0.5
+learned no better or worse. Half the α and twice the situations helped. With obstacles all round
+the robot and farther apart, the sonars didn't help, since few obstacles stood between robot and
+ball. No reward is given for keeping away from obstacles.
 """
 
 
 def write_page(experiment: Experiment) -> str:
-    """The page.
+    """Return the page.
 
     Args:
-        experiment: the results of ``experiment=simulator``.
+        experiment: the results of ``+experiment=simulator``.
 
     Raises:
-        NoResults: a job is missing.
-        OSError, ValueError: the weights of one can't be read.
+        NoResults: if a job is missing.
+        OSError, ValueError: if the weights of a job can't be read.
     """
     lam = max(experiment.values("lam"))
     hunt = experiment.where("env.kind", "follow_obstacles")
@@ -121,10 +124,14 @@ def write_page(experiment: Experiment) -> str:
 
 
 def _lams(jobs: list[Job], name: str) -> dict[float, Job]:
-    """Jobs by their λ."""
+    """Return the jobs by λ.
+
+    Raises:
+        NoResults: if two jobs have the same λ.
+    """
     by_lam = {job.settings["lam"]: job for job in jobs}
     if len(by_lam) != len(jobs):
-        raise NoResults(f"{name} has several jobs with one λ")
+        raise NoResults(f"{name} has several jobs with the same λ")
     return by_lam
 
 
@@ -134,12 +141,12 @@ def _column(job: Job, name: str) -> NDArray[np.float64]:
 
 
 def _before(job: Job, name: str) -> NDArray[np.float64]:
-    """A column before learning, ``[runs]``."""
+    """Return a column of the evaluations before learning, ``[runs]``."""
     return _column(job, name)[:, 0]
 
 
 def _after(job: Job, name: str) -> NDArray[np.float64]:
-    """Its mean over the last tests, ``[runs]``."""
+    """Return a column's mean over the last tests, ``[runs]``."""
     mean: NDArray[np.float64] = _column(job, name)[:, -FINAL_EVALUATIONS:].mean(axis=1)
     return mean
 
@@ -160,7 +167,7 @@ def _difference(job: Job, reference: Job, name: str) -> str:
     difference = paired_difference(_after(job, name), _after(reference, name)).mean
     value, low, high = difference
     if low <= 0 <= high:
-        return f"as many, as far as can be told ({interval_words(difference, signed=True)})"
+        return f"neither clearly more nor fewer ({interval_words(difference, signed=True)})"
     amount = interval_words(difference, signed=True)
     return f"{'fewer' if value < 0 else 'more'} ({amount})"
 
@@ -178,6 +185,6 @@ def _aloud(advice: Advice) -> str:
     left, _ = advice.steering["left"]
     right, _ = advice.steering["right"]
     return (
-        f"If something is near {where}: steer {in_words(ahead)} if the ball is ahead, "
+        f"If something is near, {where}: steer {in_words(ahead)} if the ball is ahead, "
         f"{in_words(left)} if it is to the left, {in_words(right)} if it is to the right."
     )

@@ -1,4 +1,4 @@
-"""What the rules of a job's runs recommend, read off their consequents."""
+"""The steering that the rules of a job's runs prefer, according to their consequents."""
 
 from itertools import product
 from typing import NamedTuple
@@ -11,16 +11,16 @@ from fnnq_torchrl.training.weights import load_checkpoint
 
 SIDES = "front", "left", "right"
 BALL = "far left", "left", "ahead", "right", "far right"
-"""Where the ball is, by the labels of the bearing, which grows to the left."""
+"""The places of the ball, one for each label of the bearing, from left to right."""
 
 
 class Advice(NamedTuple):
-    """What the rules of one situation say.
+    """The steering that the rules prefer if something is near on some sides.
 
     Attributes:
         near: the sides on which something is near.
-        steering: by where the ball is, the action label that most runs prefer, Δv, and the share of
-            the runs that do.
+        steering: for each place of the ball, (Δv, share): the centre of the action label that most
+            runs prefer, and the share of the runs that prefer it.
     """
 
     near: tuple[str, ...]
@@ -28,19 +28,19 @@ class Advice(NamedTuple):
 
 
 def read_rules(job: Job) -> list[Advice]:
-    """Return what a job's runs have learned of `follow_obstacles`, for each combination of sides.
+    """Return the steering that a job of `follow_obstacles` has learned, for each set of near sides.
 
-    Of the rules whose antecedents are the same but for the action, the one with the highest
-    consequent is what a run prefers there.
+    Among rules that differ only in the action label, a run prefers the one with the highest
+    consequent.
 
     Raises:
-        NoResults: the job has other rules.
-        OSError, ValueError: its weights can't be read.
+        NoResults: if the rules of the job have other inputs.
+        OSError, ValueError: if its weights can't be read.
     """
     value = job.config.value
     names = ["bearing", *(f"sonar_{side}_m" for side in SIDES)]
     if not isinstance(value, LabelsConfig) or {*value.inputs} != {*names}:
-        raise NoResults(f"{job.directory}: its rules aren't of {', '.join(names)}")
+        raise NoResults(f"{job.directory}: its rules must have the inputs {', '.join(names)}")
     weights = load_checkpoint(job.directory / "checkpoint.pt").weights["weight"].numpy()
     order = [[*value.inputs].index(name) + 1 for name in names]
     consequents = weights.transpose(0, *order, weights.ndim - 1)
@@ -60,6 +60,6 @@ def read_rules(job: Job) -> list[Advice]:
 
 
 def in_words(steering: float) -> str:
-    """Δv in words: positive turns right."""
+    """Return Δv in words; a positive Δv turns right."""
     side = "right" if steering > 0 else "left"
     return f"hard {side}" if abs(steering) > 0.7 else side

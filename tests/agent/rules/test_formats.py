@@ -1,4 +1,4 @@
-"""Files of rules: back and forth, and what is said of files that are none."""
+"""Files of rules: written, read back, and refused in one line if they are malformed."""
 
 import json
 import os
@@ -162,7 +162,7 @@ def test_what_is_not_read_is_named_with_its_place(
 
 
 def damaged(draw: st.DrawFn, text: str) -> str:
-    """Cut, with letters replaced, or with pieces repeated."""
+    """Return the text cut, with a piece replaced, or with a piece repeated."""
     start, end = sorted(draw(st.tuples(*[st.integers(0, len(text))] * 2)))
     middle = draw(
         st.one_of(
@@ -187,7 +187,7 @@ def test_damaged_files_are_told_in_one_line(ending: str, data: st.DataObject) ->
 
 
 def refusal(ending: str, text: str) -> str | None:
-    """What the reader says of a file that it refuses."""
+    """Return the message of a reader that refuses the text, or None if it reads it."""
     try:
         READERS[ending](text, "file")
     except RulesError as error:

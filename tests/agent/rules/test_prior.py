@@ -1,4 +1,4 @@
-"""Files of rules as what learning starts from."""
+"""Files of rules as the start values of learning."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -34,7 +34,7 @@ def test_what_to_do_becomes_values_that_fall_with_the_distance(tmp_path: Path) -
     for row, action in ((0, 1.0), (3, -0.4), (2, 0.1)):
         expected = [0.5 * (1 - ((a - action) / 2) ** 2) for a in (-1, -0.4, 0.4, 1)]
         assert values[row].tolist() == pytest.approx(expected)
-    assert values[[1, 4]].abs().max() == 0  # which no sentence names
+    assert values[[1, 4]].abs().max() == 0  # no rule of the file names these states
 
 
 def test_values_count_where_both_are_given_and_all_else_is_0(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ STEER = [(-1.0, 0.4), (-0.4, 0.3), (0.4, 0.3), (1.0, 0.4)]
 
 
 def ramp(name: str) -> Variable:
-    """Two labels whose degrees are 1 − x and x on [0, 1]."""
+    """Return a variable with two labels, whose degrees on [0, 1] are 1 − x and x."""
     low, high = Label("low", "triangle", (-1, 0, 1)), Label("high", "triangle", (0, 1, 2))
     return Variable(name, (low, high), 0, 1)
 
@@ -50,7 +50,7 @@ def test_from_a_network_and_back() -> None:
 
 
 def test_by_the_minimum_t_norm_by_hand() -> None:
-    """At (0.2, 0.6): minima 0.4, 0.6 of low with low and high, 0.2, 0.2 of high with them."""
+    """At (0.2, 0.6) the rules fire at 0.4 (low, low), 0.6 (low, high), 0.2 and 0.2 (high, …)."""
     numbers = torch.tensor([[1.0, 2.0], [3.0, 4.0]]).double()
     system = FuzzySystem((ramp("a"), ramp("b")), "q", numbers, "minimum")
     point = torch.tensor([0.2, 0.6]).double()
@@ -107,7 +107,7 @@ def test_labels_without_words_are_numbered() -> None:
 
 
 def test_the_controller_of_a_switch() -> None:
-    """Left of 0.1 rad the best is to turn left hard, else right."""
+    """The best action is hard left for a ball on the left of the switch, else hard right."""
     rules = paper()
     numbers = torch.zeros(5, 4).double()
     numbers[:3, 3], numbers[3:, 0] = 1, 1  # hard_right to the right, hard_left to the left
@@ -123,7 +123,7 @@ def test_the_controller_of_a_switch() -> None:
 
 
 def test_a_policy_that_rules_can_say_is_distilled_exactly() -> None:
-    """Least squares on a policy that is such a base itself."""
+    """The least-squares fit to a policy of this form returns the policy's numbers."""
     from fnnq_torchrl.agent.rules.controller import distil
 
     numbers = torch.tensor([0.5, -0.25, 0.0, 0.125, -1.0]).double()

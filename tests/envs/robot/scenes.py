@@ -1,4 +1,4 @@
-"""Random scenes, as the oracles have them and as the world has them."""
+"""Random scenes for the oracles, and their conversion to the world's types."""
 
 from math import pi
 
@@ -28,23 +28,23 @@ BOXES = st.lists(
 
 
 def real(number: float | list) -> Tensor:
-    """Numbers in float64."""
+    """Return numbers as a tensor in float64."""
     return torch.tensor(number, dtype=torch.float64)
 
 
 def point(spot: tuple[float, float]) -> Point:
-    """A single point."""
+    """Return a spot as the world's type."""
     return Point(real(spot[0]), real(spot[1]))
 
 
 def discs(scene: list[rays.Disc]) -> Discs | None:
-    """Discs ``[discs]``, None of none."""
+    """Return discs as the world's type, ``[discs]``, or None if there are none."""
     columns = torch.tensor(scene, dtype=torch.float64).reshape(-1, 3).T
     return Discs(*columns) if scene else None
 
 
 def boxes(scene: list[rays.Box]) -> Boxes | None:
-    """Boxes ``[boxes]``, None of none."""
+    """Return boxes as the world's type, ``[boxes]``, or None if there are none."""
     if not scene:
         return None
     x, y, width, height, heading = torch.tensor(scene, dtype=torch.float64).T

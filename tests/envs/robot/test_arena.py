@@ -1,4 +1,4 @@
-"""Worlds with obstacles and sensors: what they promise of layouts, sensors and ends."""
+"""Worlds with obstacles and sensors: layouts, driving, sensor readings and ends."""
 
 from dataclasses import replace
 from math import pi
@@ -86,7 +86,7 @@ def wander() -> SceneConfig:
 
 @pytest.fixture(scope="module")
 def full(follow: SceneConfig) -> SceneConfig:
-    """Everything that a scene can have, and sensors that fail at times."""
+    """A scene with every kind of object, and sensors that sometimes fail."""
     sonar = replace(follow.sensors.sonar, sees_balls=True, dropout=0.05, max_incidence_deg=40.0)
     vision = replace(
         follow.sensors.vision, kinds=["ball", "goal"], miss_probability=0.1, resolution_rad=0.05
@@ -96,7 +96,7 @@ def full(follow: SceneConfig) -> SceneConfig:
 
 
 def driven(env: Arena, *steering: float):
-    """The state after a step with each Δv."""
+    """Return the state after one step with each of these Δv, in turn."""
     state = env.reset()
     for number in steering:
         action = torch.full((*env.batch_size, 1), number, dtype=env.dtype)
@@ -158,7 +158,7 @@ def test_every_situation_of_every_run_has_a_layout_of_its_own(follow):
 
 
 def test_a_run_is_the_same_alone_and_in_a_batch(full):
-    """Eagerly in whole vectors of lanes, as everywhere."""
+    """The batches are multiples of LANES: the bits are equal only in full vectors."""
     seed = torch.arange(3 * LANES)
     actions = torch.rand(5, 3 * LANES, 1) * 2 - 1
     histories = []
@@ -249,7 +249,7 @@ def test_how_a_hunt_ends(follow):
 
 
 def exact(config: SceneConfig, **changes) -> SceneConfig:
-    """Without errors of the sensors."""
+    """Return the configuration with exact sensors."""
     sonar, vision = config.sensors.sonar, config.sensors.vision
     sonar = replace(sonar, noise_m=0, noise_share=0)
     vision = replace(vision, bearing_noise_rad=0, distance_noise_share=0, **changes)
@@ -257,7 +257,7 @@ def exact(config: SceneConfig, **changes) -> SceneConfig:
 
 
 def test_the_ring_is_read_as_rays_read_it(follow):
-    """The whole ring, turned and moved with the robot, among the obstacles of its situation."""
+    """All sonars of a robot that has turned and moved agree with the oracle's rays."""
     env = make_world(exact(follow), [20], dtype=torch.float64)
     state = driven(env, 1, 1, 0.3, -0.2, 0)
     _, discs = None, torch.stack([state[f"disc_{key}"] for key in ("x_m", "y_m", "radius_m")], -1)
@@ -298,7 +298,7 @@ def test_sonars_see_balls_only_if_they_are_to(follow):
     [("saturate", -1, 1), ("hold", 0, 0.78), ("lost", 0, 0)],
 )
 def test_a_ball_that_is_not_seen(follow, unseen, at_first, turned):
-    """Behind on the right at first; then one ahead that leaves the view to the left."""
+    """One ball starts behind on the right; another, ahead, leaves the view to the left."""
     scene = replace(exact(follow, unseen=unseen), **OPEN)
     start = make_world(replace(scene, balls=[ball(-1, -0.5)]), [1]).reset()
     assert (start["bearing"].item(), start["seen"].item()) == (at_first, 0)

@@ -1,4 +1,4 @@
-"""A scene in the native loop: the same history as eagerly, a run on its own."""
+"""A scene has the same history in the native loop as in the eager loop."""
 
 import pytest
 import torch
@@ -10,7 +10,7 @@ from tests.programs import make_learner, make_runs
 
 pytestmark = pytest.mark.usefixtures("compiler")
 
-# A scene with something of everything, small enough to be compiled in seconds.
+# A scene with every kind of object, small enough to be compiled in seconds.
 SMALL = (
     "env.field_size_m=[2,2]",
     "env.clearance_m=0.05",

@@ -1,4 +1,4 @@
-"""What a robot touches: against points along its way, at any speed."""
+"""Collisions on the robot's way agree with a check of points along it, at any speed."""
 
 from math import cos, hypot, sin
 

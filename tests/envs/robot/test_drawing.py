@@ -1,4 +1,4 @@
-"""The picture from above: each thing is where it is, in its colour."""
+"""The picture from above shows each thing at its place, in its colour."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ SHOT = Shot(
 
 
 def painted(shot: Shot, colour: str) -> tuple[float, float]:
-    """The middle of all that has a colour, in metres."""
+    """Return the mean position (x, y) of a colour's pixels, in metres."""
     image = Canvas(size_px=300).draw([[shot]])[-300:]  # without the words above
     rows, columns = np.nonzero(np.abs(image / 255 - to_rgb(colour)).max(-1) < 0.02)
     assert len(rows), "nothing has that colour"

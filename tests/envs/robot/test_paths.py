@@ -1,4 +1,4 @@
-"""The balls' paths: by hand, and what must hold of every bounce."""
+"""The balls' paths: values by hand, and properties of every bounce."""
 
 from math import hypot, pi
 
@@ -107,7 +107,7 @@ def test_a_ball_keeps_its_speed_and_stays_in_the_field_and_out_of_boxes(
 
 @given(SPEED, st.floats(0.1, 300))
 def test_walls_fold_a_way_of_any_length(speed, seconds):
-    """As a ball does that bounces in small steps."""
+    """The folded way equals a reflection formula after any number of bounces."""
     quick, _ = paths.bounce(point((0.3, 0)), point((speed, 0)), seconds, 0.1, WALLS, None)
     unfolded = 0.3 + speed * seconds
     phase = (unfolded + 1.9) % 7.6

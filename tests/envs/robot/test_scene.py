@@ -1,4 +1,4 @@
-"""Worlds that can't be are refused in a line, before torch is loaded."""
+"""Impossible worlds are refused in one line, before torch is loaded."""
 
 import subprocess
 import sys

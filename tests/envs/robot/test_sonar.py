@@ -1,4 +1,4 @@
-"""The sonars: against rays, by hand, mirrored, and the statistics of their errors."""
+"""The sonars: oracle rays, values by hand, mirrored worlds, and statistics of the errors."""
 
 from math import cos, inf, pi, radians, sin, sqrt
 
@@ -29,7 +29,7 @@ def read(spot, heading, width_deg=15.0, max_incidence_deg=None, ring=AHEAD, **sc
 def test_it_reads_what_the_nearest_ray_meets(
     spot, heading, width_deg, round_ones, square_ones, walled, limit
 ):
-    """A little less than through a wider beam, and a little more than through a narrower one."""
+    """The reading lies between the rays' readings with a slightly wider and a narrower beam."""
     walls = Walls(FIELD[0] / 2, FIELD[1] / 2) if walled else None
     (exact,) = read(
         spot,
@@ -105,7 +105,7 @@ def test_a_smooth_wall_that_is_met_aslant_gives_no_echo_but_its_corners_do():
 
 
 def test_what_gives_no_echo_hides_nothing():
-    """A slanted board before a disc."""
+    """A slanted board gives no echo, so the sonar reads the disc behind it."""
     board = rays.Box(1, 0, 0.02, 3, radians(50))
     disc = rays.Disc(2, 0, 0.3)
     scene = {"discs": discs([disc]), "boxes": boxes([board])}

@@ -100,7 +100,7 @@ def test_noise_comes_before_the_edge(true_rad, noise_rad, seen_rad):
 
 
 def test_noise_comes_after_the_wrap():
-    """A ball behind, just on the left, is seen on the left whatever the noise."""
+    """A ball behind the robot, just on the left, is seen on the left with any noise."""
     assert bearing(math.pi - 0.001, noise_rad=0.01, view_rad=math.pi) == math.pi
     assert bearing(0.001 - math.pi, noise_rad=-0.01, view_rad=math.pi) == -math.pi
 
