@@ -95,7 +95,7 @@ def test_enough_situations_for_the_steps():
 
 
 def runs_of(score: int, count: int, **other: object) -> list[Run]:
-    """Return runs of 1,200 steps with ``score`` catches; every second one has one more (of 5)."""
+    """Return runs of 1,200 steps with ``score`` of 5 catches, or one more in every second run."""
     steps = moments(1_200)
     some = [min(5, score + run % 2) for run in range(count)]
     return [

@@ -250,7 +250,7 @@ def or_null(declared: Any, **default: Any) -> Any:
 
 
 def flag(**default: Any) -> Any:
-    """Declare a field for true or false."""
+    """Declare a boolean field."""
     return _declare(lambda value: isinstance(value, bool), "true or false", **default)
 
 

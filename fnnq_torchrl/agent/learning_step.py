@@ -184,7 +184,7 @@ class Learner:
         }
 
     def _fired(self, state: TensorDictBase, slope: Weights) -> Tensor:
-        """Return the sums after a step; those of a run that is over stay as they are."""
+        """Return ``fired`` after a step; it doesn't change for a run that is over."""
         goes_on = per_run(state["over"].logical_not())
         return runs_first(runs_last(state["fired"]) + goes_on * runs_last(slope["weight"]))
 

@@ -99,7 +99,7 @@ class Update:
         )
 
     def largest_error(self, losses: Mapping[str, Tensor]) -> Tensor:
-        """Return the largest absolute value of the errors that the variant uses, ``[runs]``."""
+        """Return the largest of |δ| and |δ′| that the variant of Q(λ) uses, ``[runs]``."""
         keys = self._keys
         errors = per_run(losses[keys.td_error]), per_run(losses[keys.chosen_td_error])
         return self.rule.largest_error(*errors)

@@ -162,7 +162,7 @@ class SweptJob:
                 )
 
     def clear(self) -> None:
-        """Remove the temporary files of a finished job that was killed before it removed them."""
+        """Remove temporary files if the job was killed after it had written its results."""
         clear_leftovers(self.directory)
         (self.directory / TRAINING).unlink(missing_ok=True)
 

@@ -39,7 +39,7 @@ class Start:
 
     @property
     def masks(self) -> dict[str, Tensor]:
-        """``learns`` by the name of the network's parameter; empty if all rules learn."""
+        """The mask `learns` by the name of its parameter; empty if all rules learn."""
         return {} if self.learns is None else {"weight": self.learns}
 
     def put_into(self, network: ValueNetwork) -> None:

@@ -113,7 +113,7 @@ def four_threads() -> Iterator[None]:
 
 @pytest.mark.usefixtures("four_threads", "install")
 def test_the_threads_are_torchs_or_the_workers(install: Callable[[str], Path]) -> None:
-    """Four workers whose operations use four threads each would wait for cores."""
+    """With four workers, each operation has one thread, so that they share the cores."""
     install("g++")
     eager, compiled = make_engine("eager", CPU), make_engine("compiled", CPU)
     assert (eager.workers, compiled.workers) == (1, 4)

@@ -13,7 +13,7 @@ class RulesError(ConfigError):
 
 @dataclass(frozen=True)
 class Place:
-    """A place in a file, for messages: ``FILE:line:column``, the line and the column from 1."""
+    """A place in a file, for messages: ``FILE:line:column``; both count from 1."""
 
     file: str
     line: int

@@ -39,7 +39,7 @@ class Tokens:
         self._end = Place(place.file, place.line, place.column + len(text.rstrip()))
 
     def peek(self) -> str:
-        """Return the next token's text without reading it; empty at the end."""
+        """Return the next token's text without consuming it; an empty text at the end."""
         return self._all[self._next].text if self._next < len(self._all) else ""
 
     def take(self, expected: str) -> Token:

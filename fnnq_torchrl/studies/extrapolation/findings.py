@@ -42,11 +42,11 @@ class Findings:
     those that never diverged in the others.
 
     Attributes:
-        learner: all runs.
-        sound: the runs that never diverged.
+        learner: the learner that holds all runs.
+        sound: the learner that holds the runs that never diverged.
         where: the regions of `.movement.STATES`: seen, unseen, and beyond the field of view.
-        moved: the movement of Q while the first side was learned, per unit of the seen side's
-            (`movement`), ``[runs, states]``.
+        moved: the movement of Q in each state while the first side was learned, divided by its
+            mean over the seen states (`movement`), ``[runs, states]``.
         values: V before learning, after the first side and after the second, ``[runs, 3, states]``.
         beyond: the change of the greedy action from the edge of the field of view to beyond it, on
             the seen side and on the other, ``[runs, 2]``, in units of Δv.
@@ -55,14 +55,15 @@ class Findings:
         caught: the catches before learning, after the first side and after the second (dimension
             1), in the tests of the first side and of the second (dimension 2), ``[runs, 3, 2]``.
         control: the catches in the other side's tests after the first side, with random actions
-            where nothing was seen, ``[runs]``.
-        hidden: the share of the states visited while the first side was learned that lie on the
-            unseen side, ``[runs]``.
-        would_see: the shares of visited states to the right of straight ahead, and on the unseen
-            side, if the head saw both sides, ``[runs, 2]``.
-        spread: the interference by distance after each of `INTERFERENCE_AFTER`, with the initial α,
+            in the unseen states, ``[runs]``.
+        hidden: the unseen side's share of the states visited while the first side was learned,
+            ``[runs]``.
+        would_see: two shares of the states visited with a head that sees both sides: those with
+            the ball to the right, and those with it on the unseen side, ``[runs, 2]``.
+        spread: the interference by distance after each number of situations in
+            `INTERFERENCE_AFTER`, with the initial α,
             ``[runs, 3, distances]``.
-        spread_decayed: the interference by distance after the last of `INTERFERENCE_AFTER`, with
+        spread_decayed: the interference by distance after the last of these numbers, with
             `decayed_alpha`, ``[runs, distances]``.
     """
 

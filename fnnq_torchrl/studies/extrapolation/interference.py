@@ -9,13 +9,13 @@ from .learners import Learner, Weights
 
 SPACING_RAD = 0.05
 FARTHEST_RAD = 1.0
-"""The largest distance of two states; distances go up from 0 in steps of `SPACING_RAD`."""
+"""The largest distance between two states; distances go up from 0 in steps of `SPACING_RAD`."""
 
 Numbers = NDArray[np.float64]
 
 
 def distances() -> Numbers:
-    """Return the distances |s − s′| in rad, ``[distances]``."""
+    """Return the distances |s − s′| at which interference is measured, in rad."""
     return np.linspace(0, FARTHEST_RAD, round(FARTHEST_RAD / SPACING_RAD) + 1)
 
 

@@ -73,7 +73,7 @@ def movement_figure(by_kind: ByKind) -> Figure:
 
 
 def interference_figure(by_kind: ByKind) -> Figure:
-    """Draw the interference against the distance of two states, after `INTERFERENCE_AFTER`."""
+    """Draw interference against the distance between two states, at each `INTERFERENCE_AFTER`."""
     figure = new_figure(
         3.4 * len(INTERFERENCE_AFTER) + 1,
         4,

@@ -46,11 +46,11 @@ def learning_curve(evaluations_csv: Path, picture: Path, score: Score) -> None:
     Args:
         evaluations_csv: the result file that is drawn.
         picture: the file to write, atomically; its suffix (.png, .svg, .pdf) gives the format.
-        score: the score of the job.
+        score: the name and the bounds of the job's score.
 
     Raises:
         OSError: if a file can't be read or written.
-        ValueError: if the result file is foreign or damaged, or the format is unknown.
+        ValueError: if the result file is damaged or something else, or the format is unknown.
     """
     evaluations = read_evaluations(evaluations_csv, score.measure)
     save(learning_curve_figure(evaluations, score), picture)

@@ -14,15 +14,15 @@ Hand = tuple[Tensor, TensorDictBase]
 class HandsKeeper:
     """The :class:`fnnq_torchrl.engine.scheduler.Keeper` that saves whenever a save is due.
 
-    When a save is due, each worker copies its unfinished runs at its next visit, and goes on. The
-    last worker to do so saves all copies and the finished runs. A training that resumes from these
-    copies repeats the steps after them, with the same results.
+    When a save is due, each worker copies its unfinished runs at its next call of :meth:`visit`,
+    and goes on. The last worker to do so saves all copies and the finished runs. A training that
+    resumes from these copies repeats the steps that came after them, with the same results.
 
     Args:
         interruptions: the object that says when a save is due, and whether the work is to end.
         save: the function that saves, called with one `Hand` from each worker that has unfinished
             runs. If it raises an `OSError`, the work goes on, and the next save is due an interval
-            later. If the work is to end, it then ends with `Lost`.
+            later; but if the work was about to end, it ends with `Lost`.
     """
 
     def __init__(
