@@ -13,7 +13,7 @@ SB3 := benchmarks/peers/.venv
 FOREIGN := tests/foreign/.venv
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -62,6 +62,9 @@ memberships: install  ## docs/memberships.md: are clustered labels better than t
 
 test: install  ## the test suite
 	$(BIN)/python -m pytest -q -n auto
+
+test-long: install  ## the tests that take long, which make test leaves out
+	$(BIN)/python -m pytest -q -n auto -m long
 
 foreign: install $(FOREIGN)/installed  ## what other programs make of our files of rules; says what is missing
 	$(BIN)/python -m pytest -q -n auto -m foreign tests/foreign

@@ -45,6 +45,7 @@ def test_an_operator_who_has_rules_is_followed(seed: int) -> None:
     assert mean == pytest.approx(fit.mean_difference)
 
 
+@pytest.mark.long
 def test_the_order_of_the_steps_does_not_matter_and_what_is_careless_does_little() -> None:
     states = torch.linspace(-1, 1, 400, dtype=torch.float64).unsqueeze(-1)
     actions = torch.where(states.squeeze(-1) > 0, -1.0, 1.0)

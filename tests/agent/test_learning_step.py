@@ -145,6 +145,7 @@ def test_with_crisp_labels_every_step_size_is_the_tabular_one(
         torch.testing.assert_close(learned["alpha"][i, 0], alpha, rtol=1e-10, atol=0)
 
 
+@pytest.mark.long
 @torch.no_grad()
 def test_no_two_q_lambdas_are_the_same() -> None:
     """The readings of the trace differ too, because the labels overlap."""
@@ -160,6 +161,7 @@ def test_no_two_q_lambdas_are_the_same() -> None:
     assert apart.min() > 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("variant", VARIANTS)
 @torch.no_grad()
 def test_a_window_as_long_as_the_episode_is_the_gradient_trace(variant: str) -> None:

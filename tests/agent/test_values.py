@@ -53,6 +53,12 @@ VARIANTS = {
 }
 """Overrides for each value function and its variants, by name."""
 
+_SHORT = ("fnnq", "mlp", "tiles", "mixed")
+COMPILED = [
+    pytest.param(name, marks=[pytest.mark.long] * (name not in _SHORT))
+    for name in (*SCHEMAS, "mixed", "nearest", "minimum_zero", "learned")
+]
+
 IN_DOUBLE = ("alpha=0.1", "machine.dtype=float64")
 
 ROOT = Path(__file__).parents[2]
@@ -234,7 +240,7 @@ def test_a_run_alone_is_the_run_in_a_batch(name: str) -> None:
 
 
 @pytest.mark.usefixtures("compiler")
-@pytest.mark.parametrize("name", [*SCHEMAS, "mixed", "nearest", "minimum_zero", "learned"])
+@pytest.mark.parametrize("name", COMPILED)
 def test_compiled_is_eager(name: str) -> None:
     agrees_with_the_compiled(config(*IN_DOUBLE, *VARIANTS[name]))
 

@@ -24,7 +24,8 @@ from fnnq_torchrl.training.resume.ledger import Ledger
 from tests.programs import config, in_lanes, make_learner, make_runs
 
 pytestmark = pytest.mark.usefixtures("compiler")
-KINDS = [NativeLoop, InductorLoop]
+INDUCTOR = pytest.param(InductorLoop, marks=pytest.mark.long)
+KINDS = [NativeLoop, INDUCTOR]
 
 # -- a tiny step ----------------------------------------------------------------------------------
 
@@ -347,6 +348,7 @@ def test_steps_end_where_all_are_over_and_nobody_is_cut_short(kind: MakeLoop) ->
         assert (after["n"][:LANES] >= -30).all()
 
 
+@pytest.mark.long
 @torch._dynamo.config.patch(recompile_limit=2)
 def test_any_number_of_loops_are_made_in_one_process() -> None:
     # torch.compile gives up on a function after that number of compilations, by default eight.
@@ -363,7 +365,7 @@ def halve(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
     return TensorDict({key: x / 2 for key, x in state.items()}, state.batch_size)
 
 
-@pytest.mark.parametrize("kind", [NativeLoop, EagerLoop, InductorLoop])
+@pytest.mark.parametrize("kind", [NativeLoop, EagerLoop, INDUCTOR])
 def test_subnormals_are_zero_in_a_loop_and_what_they_were_outside(kind: MakeLoop) -> None:
     one = torch.ones(LANES, 1)
     state = TensorDict({"single": one, "double": one.double()}, [LANES])

@@ -96,6 +96,7 @@ def test_a_command_that_cant_even_begin_ends_in_one_line(disk: Path, sweep: bool
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux")
+@pytest.mark.long
 def test_a_log_that_is_full_ends_nothing(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "fnnq_torchrl.train", *TINY, f"hydra.run.dir={tmp_path}"]
     with open("/dev/full", "w") as full:

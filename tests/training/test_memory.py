@@ -99,6 +99,7 @@ print(1024 * int(status[status.index("VmHWM:") + 1]))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs Linux's accounts")
+@pytest.mark.long
 def test_the_estimate_is_near_what_a_job_takes() -> None:
     keys = ("num_seeds=1000", "env.time_limit_steps=1", "action.candidates=2")
     ended = subprocess.run(

@@ -170,6 +170,7 @@ def test_mistakes_are_one_line_and_leave_nothing(
     assert TRAINING not in left
 
 
+@pytest.mark.long
 def test_a_sweep_over_priors_tells_mistakes_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
