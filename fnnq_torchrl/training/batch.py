@@ -42,7 +42,7 @@ class Batch:
 
     @cached_property
     def start(self) -> Start | None:
-        """Where learning starts, if not at the value network's own start.
+        """The start of learning; None for the value network's own start.
 
         Raises:
             ConfigError, OSError: as in :func:`.read_start`.
