@@ -1,9 +1,8 @@
 """A ROS 2 node that lets a learned controller drive: ``python ros2_follow.py JOB_DIRECTORY``.
 
-It subscribes to the ball's bearing (std_msgs/Float32 on /bearing, in rad, positive to the left) and
-to each sonar (sensor_msgs/Range on /sonar_0, /sonar_1, …, in the order of the job's sonar ring).
-Once in each time step of the job's world (0.1 s), it publishes a geometry_msgs/Twist on /cmd_vel.
-Try it with the wheels off the ground first.
+It reads the ball's bearing (std_msgs/Float32 on /bearing, in rad, positive to the left) and each
+sonar (sensor_msgs/Range on /sonar_0, /sonar_1, …, in the order of the job's sonar ring). Every
+0.1 s it publishes a geometry_msgs/Twist on /cmd_vel. Try it with the wheels off the ground first.
 """
 
 import sys

@@ -97,7 +97,7 @@ def test_a_foreign_job_is_told(experiment: Experiment) -> None:
     job = type(job)(
         job.settings | {"rules.prior": "other.txt"}, job.evaluations, job.config, job.directory
     )
-    with pytest.raises(NoResults, match="is no job of experiment=prior"):
+    with pytest.raises(NoResults, match="isn't a job of experiment=prior"):
         read_arms(Experiment("prior", [job]))
 
 
