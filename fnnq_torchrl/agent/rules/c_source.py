@@ -11,7 +11,7 @@ from string import Template
 
 from fnnq_torchrl.agent.rules.errors import RulesError
 from fnnq_torchrl.agent.rules.partition import Variable
-from fnnq_torchrl.agent.rules.system import FuzzySystem
+from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_words
 
 _LARGEST_FLOAT = 3.4e38
 _PER_LINE = 4
@@ -233,7 +233,7 @@ def write(
         "one": literal(1.0),
         "two": literal(2.0),
         "name": name,
-        "output": system.output.encode("ascii", "replace").decode(),
+        "output": fit_words([system.output])[0],
         "inputs": str(len(counts)),
         "states": str(len(counts) - 1),
         "labels": str(sum(counts)),

@@ -96,7 +96,7 @@ def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
 
 def _lines(text: str, file: str) -> Iterator[Token]:
     for i, line in enumerate(text.split("\n"), start=1):
-        content = re.sub(r"\s*[%#].*", "", line) if "'" not in line else line
+        content = re.split("[%#]", line, maxsplit=1)[0].rstrip() if "'" not in line else line
         if content.strip():
             yield Token(content.strip(), Place(file, i, len(content) - len(content.lstrip()) + 1))
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -224,6 +225,20 @@ def test_too_large_or_no_text(tmp_path: Path) -> None:
     )
     with pytest.raises(RulesError, match="at most 65,536"):
         READERS[".txt"](f"{many}if x0 is l0 then y is 1\n", "f")
+
+
+def test_a_line_of_blanks_is_read_in_no_time() -> None:
+    """A regular expression for the blanks before a comment would take hours."""
+    with pytest.raises(RulesError):
+        READERS[".fis"]("[System]\n" + " " * 10**6 + "x\n", "f")
+
+
+def test_an_actions_name_does_not_end_the_comment_in_c(tmp_path: Path) -> None:
+    rules = paper()
+    *states, action = rules.inputs
+    rules = replace(rules, inputs=(*states, replace(action, name="*/ int x; /*")))
+    _, header = rules.export(tmp_path / "c.c", controller="distilled")
+    assert "*/ int" not in header.read_text()
 
 
 def test_names_that_are_no_print_are_shown_as_escapes() -> None:
