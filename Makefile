@@ -11,6 +11,7 @@ STEPS := 10
 JAX := benchmarks/.jax
 SB3 := benchmarks/peers/.venv
 FOREIGN := tests/foreign/.venv
+ONLY :=
 
 .DEFAULT_GOAL := help
 .PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
@@ -66,8 +67,8 @@ test: install  ## the test suite
 test-long: install  ## the tests that take long, which make test leaves out
 	$(BIN)/python -m pytest -q -n auto -m long
 
-foreign: install $(FOREIGN)/installed  ## what other programs make of our files of rules; says what is missing
-	$(BIN)/python -m pytest -q -n auto -m foreign tests/foreign
+foreign: install $(FOREIGN)/installed  ## what other programs make of our files of rules; says what is missing (ONLY='not octave': fewer)
+	$(BIN)/python -m pytest -q -n auto -m foreign -k "$(ONLY)" tests/foreign
 
 fuzz: install  ## thousands of random overrides, of which the test suite tries a few
 	$(BIN)/python -m pytest -q tests/launch/test_bad_input.py -k overrides --hypothesis-profile long
