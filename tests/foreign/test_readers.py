@@ -128,7 +128,7 @@ def test_fis_in_octave(rules: RuleBase, tmp_path: Path) -> None:
     np.testing.assert_allclose(octave(file, points), ours(rules, points), atol=1e-9)
 
 
-def test_the_distilled_controller_too(tmp_path: Path) -> None:
+def test_the_distilled_controller_in_fuzzylite_octave_onnx_and_c(tmp_path: Path) -> None:
     rules = rule_base("paper")
     distilled, points = rules.controller().distilled, points_of(rules)[:FOR_OCTAVE, :1]
     expected = distilled.evaluate(torch.from_numpy(points)).numpy()
