@@ -97,6 +97,7 @@ def _is_named(label: Any) -> bool:
 
 
 def _a_directory() -> Any:
+    """Declare a field for the path of a directory."""
     return matching(r".{0,254}\S", "a directory, of at most 255 letters")
 
 
@@ -123,9 +124,7 @@ class LabelsConfig(ValueConfig):
     labels_of_input: int = whole(1, default=5)
     labels_of_action: Any = or_null(whole(1), default=None)
     clustering: str = one_of(*CLUSTERINGS, default="kmeans")
-    visited: Any = or_null(
-        matching(r".{0,254}\S", "a directory, of at most 255 letters"), default=None
-    )
+    visited: Any = or_null(_a_directory(), default=None)
     warm_up: int = whole(1, default=100)
 
     of_each_input: ClassVar = "labels"

@@ -137,7 +137,7 @@ class ReplacingTrace(Trace):
 
 
 class WindowTrace(Trace):
-    """The paper's «finite-time window, which stores only some previous steps».
+    """The last steps only: the paper's «finite-time window, which stores only some previous steps».
 
         Δw = δΣ(γλ)ᵏfₖ + δ′f,   fₖ the gradient k steps ago, k from 1 to the window
 

@@ -3,11 +3,11 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from math import inf
 
 from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices
 from fnnq_torchrl.agent.rules.grid import Grid
 from fnnq_torchrl.agent.rules.partition import Label, Variable
+from fnnq_torchrl.agent.rules.parts import VariableParts
 from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_names, fit_words
 from fnnq_torchrl.agent.rules.tokens import Token, Tokens, number
 from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS, T_NORMS
@@ -102,14 +102,9 @@ def _lines(text: str, file: str) -> Iterator[Token]:
 
 
 @dataclass
-class _Part:
-    """The parts of a variable read so far."""
+class _Part(VariableParts):
+    """The parts of an input or of the output."""
 
-    name: str
-    place: Place
-    low: float = -inf
-    high: float = inf
-    labels: list[Label] = field(default_factory=list)
     constants: list[float] = field(default_factory=list)
 
 
@@ -129,12 +124,7 @@ class _Parts:
             raise end.error("the file ends here; expected Type='sugeno'")
         if not self.inputs or not self.outputs or not self.rules:
             raise end.error("the file ends here; expected [Input1], [Output1] and [Rules]")
-        variables, [output] = [], self.outputs
-        for part in self.inputs:
-            try:
-                variables.append(Variable(part.name, tuple(part.labels), part.low, part.high))
-            except RulesError as error:
-                raise part.place.error(str(error)) from None
+        variables, [output] = [part.variable() for part in self.inputs], self.outputs
         grid = Grid(variables)
         for tokens in self.rules:
             _put_rule(tokens, grid, variables, output)

@@ -8,11 +8,11 @@ there would be no output.
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import inf
 
 from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices
 from fnnq_torchrl.agent.rules.grid import Grid
 from fnnq_torchrl.agent.rules.partition import Label, Variable
+from fnnq_torchrl.agent.rules.parts import VariableParts
 from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_names, fit_words
 from fnnq_torchrl.agent.rules.tokens import Token, Tokens
 from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS, T_NORMS
@@ -105,14 +105,9 @@ def _lines(text: str, file: str) -> Iterator[tuple[Token, Tokens]]:
 
 
 @dataclass
-class _Part:
-    """The parts of a variable read so far."""
+class _Part(VariableParts):
+    """The parts of an input or of the output."""
 
-    name: str
-    place: Place
-    low: float = -inf
-    high: float = inf
-    labels: list[Label] = field(default_factory=list)
     constants: dict[str, float] = field(default_factory=dict)
     default: float | None = None
 
@@ -131,12 +126,7 @@ class _Parts:
         """Build the system from all parts."""
         if not self.inputs or not self.outputs or not self.rules:
             raise end.error("the file ends here; expected InputVariable, OutputVariable and rules")
-        variables, [output] = [], self.outputs
-        for part in self.inputs:
-            try:
-                variables.append(Variable(part.name, tuple(part.labels), part.low, part.high))
-            except RulesError as error:
-                raise part.place.error(str(error)) from None
+        variables, [output] = [part.variable() for part in self.inputs], self.outputs
         grid = Grid(variables)
         for tokens in self.rules:
             _put_rule(tokens, grid, variables, output)
