@@ -1,8 +1,10 @@
 """Argument parsers that report a mistake in one line."""
 
 import difflib
+import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
@@ -46,3 +48,12 @@ def page_parser(program: str, description: str | None) -> OneLineParser:
     parser.add_argument("--results", type=Path, default=Path("outputs"), help="default: outputs")
     parser.add_argument("--to", type=Path, default=Path("docs"), help="default: docs")
     return parser
+
+
+@contextmanager
+def one_line_errors() -> Iterator[None]:
+    """End a command that reads result files with one line and status 1, if the block fails."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        sys.exit(" ".join(str(error).split()))

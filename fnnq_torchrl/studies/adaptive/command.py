@@ -1,9 +1,7 @@
 """Write the page on adaptive step sizes: ``python -m fnnq_torchrl.adaptive``."""
 
-import sys
-
 from fnnq_torchrl.files.atomic import atomic_write
-from fnnq_torchrl.launch.arguments import page_parser
+from fnnq_torchrl.launch.arguments import one_line_errors, page_parser
 from fnnq_torchrl.studies.experiments import newest_experiment
 from fnnq_torchrl.studies.figures.gallery import draw
 from fnnq_torchrl.training.terminal import announce
@@ -14,7 +12,7 @@ from .page import write_page
 def main() -> None:
     """Run the command. An error is one line on stderr and exit status 1."""
     arguments = page_parser("python -m fnnq_torchrl.adaptive", __doc__).parse_args()
-    try:
+    with one_line_errors():
         names = ("adaptive", "stability")
         experiments = {name: newest_experiment(arguments.results, name) for name in names}
         text = write_page(**experiments)
@@ -22,6 +20,4 @@ def main() -> None:
         page = arguments.to / "adaptive.md"
         with atomic_write(page) as file:
             file.write(text.encode())
-    except (OSError, ValueError) as error:
-        sys.exit(str(error))
     announce(str(page))

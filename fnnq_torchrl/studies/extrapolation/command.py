@@ -1,10 +1,9 @@
 """Write the page on extrapolation: ``python -m fnnq_torchrl.extrapolation``."""
 
-import sys
 from pathlib import Path
 
 from fnnq_torchrl.files.atomic import atomic_write
-from fnnq_torchrl.launch.arguments import page_parser
+from fnnq_torchrl.launch.arguments import one_line_errors, page_parser
 from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
 from fnnq_torchrl.training.pictures.style import own_style, save
 from fnnq_torchrl.training.terminal import announce
@@ -19,13 +18,11 @@ from .pictures import FIGURES
 def main() -> None:
     """Run the command. An error is one line on stderr and exit status 1."""
     arguments = page_parser("python -m fnnq_torchrl.extrapolation", __doc__).parse_args()
-    try:
+    with one_line_errors():
         sweep = newest_experiment(arguments.results, "value_functions")
         experiment = newest_experiment(arguments.results, "extrapolation")
         findings, constant = measure(experiment)
         write(findings, write_page(findings, constant, sweep), arguments.to)
-    except (OSError, ValueError) as error:
-        sys.exit(str(error))
     announce(str(arguments.to / "extrapolation.md"))
 
 

@@ -1,9 +1,8 @@
 """Draw the figures of experiments: ``python -m fnnq_torchrl.figures``."""
 
-import sys
 from pathlib import Path
 
-from fnnq_torchrl.launch.arguments import OneLineParser
+from fnnq_torchrl.launch.arguments import OneLineParser, one_line_errors
 from fnnq_torchrl.studies.experiments import newest_experiment
 from fnnq_torchrl.training.terminal import announce
 
@@ -26,12 +25,10 @@ def main() -> None:
     arguments = parser.parse_args()
     if unknown := [name for name in arguments.names if name not in FIGURES]:
         parser.error(f"there is no figure {unknown[0]}; there is {', '.join(FIGURES)}")
-    try:
+    with one_line_errors():
         experiments = {
             name: newest_experiment(arguments.results, FIGURES[name][0])
             for name in arguments.names or FIGURES
         }
         for path in draw(experiments, arguments.to):
             announce(str(path))
-    except (OSError, ValueError) as error:
-        sys.exit(" ".join(str(error).split()))

@@ -1,9 +1,7 @@
 """Write the page on where labels come from: ``python -m fnnq_torchrl.memberships``."""
 
-import sys
-
 from fnnq_torchrl.files.atomic import atomic_write
-from fnnq_torchrl.launch.arguments import page_parser
+from fnnq_torchrl.launch.arguments import one_line_errors, page_parser
 from fnnq_torchrl.studies.experiments import newest_experiment
 from fnnq_torchrl.training.terminal import announce
 
@@ -14,11 +12,9 @@ from .sources import read_sources
 def main() -> None:
     """Run the command. An error is one line on stderr and exit status 1."""
     arguments = page_parser("python -m fnnq_torchrl.memberships", __doc__).parse_args()
-    try:
+    with one_line_errors():
         text = write_page(read_sources(newest_experiment(arguments.results, "memberships")))
         page = arguments.to / "memberships.md"
         with atomic_write(page) as file:
             file.write(text.encode())
-    except (OSError, ValueError) as error:
-        sys.exit(str(error))
     announce(str(page))

@@ -1,9 +1,7 @@
 """Write the page on prior knowledge and its figures: ``python -m fnnq_torchrl.prior``."""
 
-import sys
-
 from fnnq_torchrl.files.atomic import atomic_write
-from fnnq_torchrl.launch.arguments import page_parser
+from fnnq_torchrl.launch.arguments import one_line_errors, page_parser
 from fnnq_torchrl.studies.experiments import newest_experiment
 from fnnq_torchrl.training.pictures.style import save
 from fnnq_torchrl.training.terminal import announce
@@ -16,7 +14,7 @@ from .pictures import curves_figure, rules_figure
 def main() -> None:
     """Run the command. An error is one line on stderr and exit status 1."""
     arguments = page_parser("python -m fnnq_torchrl.prior", __doc__).parse_args()
-    try:
+    with one_line_errors():
         arms = read_arms(newest_experiment(arguments.results, "prior"))
         text = write_page(arms)
         largest = max(arm.margin for arm in arms if arm.source == ROUGH)
@@ -30,6 +28,4 @@ def main() -> None:
         page = arguments.to / "prior.md"
         with atomic_write(page) as file:
             file.write(text.encode())
-    except (OSError, ValueError) as error:
-        sys.exit(" ".join(str(error).split()))
     announce(str(page))

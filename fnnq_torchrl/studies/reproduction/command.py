@@ -1,13 +1,12 @@
 """Write the page on the paper's claims: ``python -m fnnq_torchrl.reproduction``."""
 
-import sys
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 from fnnq_torchrl.files.atomic import atomic_write
-from fnnq_torchrl.launch.arguments import page_parser
+from fnnq_torchrl.launch.arguments import one_line_errors, page_parser
 from fnnq_torchrl.studies.experiments import newest_experiment
 from fnnq_torchrl.studies.figures.gallery import draw
 from fnnq_torchrl.training.terminal import announce
@@ -24,7 +23,7 @@ def main() -> None:
         help=f"only print a table, made from the experiments {', '.join(IN_SHORT)}",
     )
     arguments = parser.parse_args()
-    try:
+    with one_line_errors():
         if arguments.short:
             _print_short(arguments.results)
             return
@@ -35,8 +34,6 @@ def main() -> None:
         page = arguments.to / "reproduction.md"
         with atomic_write(page) as file:
             file.write(text.encode())
-    except (OSError, ValueError) as error:
-        sys.exit(" ".join(str(error).split()))
     announce(str(page))
 
 

@@ -10,12 +10,11 @@ record=FILE.csv writes the run's observations and actions in its test. own=true 
 classes. page=FILE.md compares the learned and the distilled controllers of all runs in a page.
 """
 
-import sys
 from pathlib import Path
 
 from fnnq_torchrl.agent.rules import RulesError
 from fnnq_torchrl.agent.rules.errors import choices, shown
-from fnnq_torchrl.launch.arguments import read_words
+from fnnq_torchrl.launch.arguments import one_line_errors, read_words
 from fnnq_torchrl.studies.rules.job import BEST, Chosen, Job, choose, read_job
 from fnnq_torchrl.studies.rules.page import write_faithfulness
 from fnnq_torchrl.studies.rules.pictures import draw_explanation
@@ -43,10 +42,8 @@ _KEYS = (
 def main() -> None:
     """Run the command. An error is one line on stderr and an exit status other than 0."""
     words = read_words("python -m fnnq_torchrl.rules", __doc__, _KEYS)
-    try:
+    with one_line_errors():
         _run(words)
-    except (OSError, ValueError) as error:
-        sys.exit(" ".join(str(error).split()))
 
 
 def _run(words: dict[str, str]) -> None:

@@ -11,7 +11,6 @@ the episode. to=DIR is the directory for the files, by default the job's. format
 pdf. own=true imports your own classes.
 """
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from matplotlib.figure import Figure
 
 from fnnq_torchrl.agent.rules import RulesError
 from fnnq_torchrl.agent.rules.errors import shown
-from fnnq_torchrl.launch.arguments import read_words
+from fnnq_torchrl.launch.arguments import one_line_errors, read_words
 from fnnq_torchrl.studies.rules import pictures
 from fnnq_torchrl.studies.rules.command import chosen_run
 from fnnq_torchrl.studies.rules.job import Chosen, Job
@@ -35,10 +34,8 @@ def main() -> None:
     """Run the command. An error is one line on stderr and an exit status other than 0."""
     keys = ("run", "seed", "situation", "to", "format", "own")
     words = read_words("python -m fnnq_torchrl.plot", __doc__, keys)
-    try:
+    with one_line_errors():
         _run(words)
-    except (OSError, ValueError) as error:
-        sys.exit(" ".join(str(error).split()))
 
 
 def _run(words: dict[str, str]) -> None:

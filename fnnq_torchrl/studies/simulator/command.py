@@ -1,9 +1,7 @@
 """Write the page on learning among obstacles: ``python -m fnnq_torchrl.simulator``."""
 
-import sys
-
 from fnnq_torchrl.files.atomic import atomic_write
-from fnnq_torchrl.launch.arguments import page_parser
+from fnnq_torchrl.launch.arguments import one_line_errors, page_parser
 from fnnq_torchrl.studies.experiments import newest_experiment
 from fnnq_torchrl.training.terminal import announce
 
@@ -13,11 +11,9 @@ from .page import write_page
 def main() -> None:
     """Run the command. An error is one line on stderr and exit status 1."""
     arguments = page_parser("python -m fnnq_torchrl.simulator", __doc__).parse_args()
-    try:
+    with one_line_errors():
         page = arguments.to / "simulator.md"
         text = write_page(newest_experiment(arguments.results, "simulator"))
         with atomic_write(page) as file:
             file.write(text.encode())
-    except (OSError, ValueError) as error:
-        sys.exit(" ".join(str(error).split()))
     announce(str(page))
