@@ -73,8 +73,10 @@ foreign: install $(FOREIGN)/installed  ## what other programs make of our files 
 fuzz: install  ## thousands of random overrides, of which the test suite tries a few
 	$(BIN)/python -m pytest -q tests/launch/test_bad_input.py -k overrides --hypothesis-profile long
 
-test-wheel: install  ## before a release: install the wheel with downloaded dependencies, and train (the test suite links .venv's)
-	rm -rf dist && $(BIN)/python -m hatchling build -t wheel
+test-wheel: install  ## before a release: check the distributions, install the wheel with downloaded dependencies, and train
+	rm -rf dist && $(BIN)/python -m hatchling build
+	$(PYTHON) -m venv dist/twine && dist/twine/bin/python -m pip install -qq twine
+	dist/twine/bin/python -m twine check --strict dist/*.whl dist/*.tar.gz
 	$(PYTHON) -m venv dist/empty
 	dist/empty/bin/python -m pip install -qq -c constraints.txt dist/*.whl
 	mkdir dist/elsewhere && cd dist/elsewhere && ../empty/bin/python -m fnnq_torchrl.train situations=5 num_seeds=2

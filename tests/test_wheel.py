@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tomllib
 import venv
 import zipfile
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from importlib.metadata import Distribution, distribution
 from pathlib import Path
 
 import pytest
+import yaml
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
@@ -37,7 +39,9 @@ def test_holds_the_packages_and_the_configuration(wheel: Path) -> None:
         path.relative_to(ROOT).as_posix()
         for folder, pattern in (
             ("envs", "*.py"),
+            ("envs", "py.typed"),
             ("fnnq_torchrl", "*.py"),
+            ("fnnq_torchrl", "py.typed"),
             ("hydra_plugins", "*.py"),
             ("conf", "*.*"),
         )
@@ -46,6 +50,11 @@ def test_holds_the_packages_and_the_configuration(wheel: Path) -> None:
     expected = {f"fnnq_torchrl/{name}" if name.startswith("conf/") else name for name in sources}
     packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
     assert packed == expected
+
+
+def test_the_citation_names_the_same_version() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == project["version"]
 
 
 def needed(requirements: list[str]) -> Iterator[Distribution]:
