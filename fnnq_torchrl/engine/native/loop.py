@@ -16,7 +16,8 @@ from .arrays import Array, inputs, large_sizes
 from .build import build
 from .executor import Executor
 from .expressions import Expression, Expressions, Place, in_order
-from .source import Leaf, program
+from .source import program
+from .statements import Leaf
 
 _MOST = 40_000
 """The most expressions in the steps of two runs; C++ compilers take minutes for more."""
