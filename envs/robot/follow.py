@@ -60,9 +60,7 @@ class FollowBall(PureEnv):
             world.track_width_m,
             world.time_step_s,
         )
-        speed_radps = state["ball_speed_radps"]
-        angle_rad = balls.roll(state["ball_angle_rad"], speed_radps, world.time_step_s)
-        ball_x_m, ball_y_m = balls.position(angle_rad, world.circle_radius_m)
+        ball, ball_x_m, ball_y_m = self._roll(state)
         east_m, north_m = ball_x_m - x_m, ball_y_m - y_m
         word, other, chance, _ = streams.draw(
             state["seed"], state["episode"], state["step"], Stream.STEP
@@ -81,8 +79,7 @@ class FollowBall(PureEnv):
             "x_m": x_m,
             "y_m": y_m,
             "heading_rad": heading_rad,
-            "ball_angle_rad": angle_rad,
-            "ball_speed_radps": speed_radps,
+            **ball,
             "bearing": self._look(direction_rad, heading_rad, (word, other), state["episode"]),
             "chance": streams.uniform(chance, self.dtype),
             "reward": reward,
@@ -97,6 +94,13 @@ class FollowBall(PureEnv):
         return balls.random_start(
             words[0], words[1], world.start_angle_rad, speeds_radps, self.dtype
         )
+
+    def _roll(self, state: Entries) -> tuple[Entries, Tensor, Tensor]:
+        """Return the ball's state after a step, and its x and y in m."""
+        world, speed_radps = self.world, state["ball_speed_radps"]
+        angle_rad = balls.roll(state["ball_angle_rad"], speed_radps, world.time_step_s)
+        entries = {"ball_angle_rad": angle_rad, "ball_speed_radps": speed_radps}
+        return entries, *balls.position(angle_rad, world.circle_radius_m)
 
     def _look(
         self,
