@@ -58,7 +58,7 @@ def test_the_command_leaves_a_moving_picture_and_stills(
     [
         ((), "run=… is missing"),
         (("run=nowhere",), "nowhere"),
-        (("run=x", "seeds=1"), "seeds=1: did you mean seed=…?"),
+        (("run=x", "seeds=1"), "seeds=1: there is no seeds; did you mean seed?"),
         (("run=x", "when=now"), "when=now: must be after or before or both"),
         (("run=x", "every=0"), "every=0: must be a whole number >= 1"),
         (("run=JOB", "seed=7"), "seed=7: must be a seed of the job, 0 to 1"),
