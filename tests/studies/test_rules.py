@@ -217,7 +217,7 @@ def test_the_page(directory: Path, tmp_path: Path) -> None:
     assert text.endswith(f"{END}after\n")
     mean = read_evaluations(directory / "evaluations.csv").catches[:, -1].mean()
     assert f"| best action | {mean:.2f}" in text
-    assert "](figures/rules.png)\n\nThe picture shows seed " in text
+    assert "](figures/rules.png)\n\nThe picture shows Q of seed " in text
     assert (tmp_path / "figures" / "rules.png").stat().st_size > 0
     page.write_text("no marks")
     with pytest.raises(ValueError, match="has no lines"):

@@ -47,7 +47,7 @@ def write_faithfulness(job: Job, page: Path) -> None:
     picture.parent.mkdir(parents=True, exist_ok=True)
     save(surface(read_run(job, best)), picture)
     shown = f"![Q over the state and the action, with the best action](figures/{picture.name})\n"
-    new = f"{before}{BEGIN}{compared}\n{shown}\nThe picture shows {best.words}.\n{END}{after}"
+    new = f"{before}{BEGIN}{compared}\n{shown}\nThe picture shows Q of {best.words}.\n{END}{after}"
     with atomic_write(page) as file:
         file.write(new.encode())
 
