@@ -73,7 +73,7 @@ def test_a_reading(directory: Path) -> None:
             ["Q is the sum of", "The consequents of sonar_left_m and their spread", "± 0."],
         ),
         (
-            ("value.learn_memberships=true", *SMALL_WORLD),
+            ("value.learn_memberships=true", "rules.count_firing=true", *SMALL_WORLD),
             "1",
             ["The labels that this run has learned", "centre before"],
         ),
@@ -106,6 +106,9 @@ def test_sums_and_learned_labels(
     assert total == pytest.approx(reading.steps * len(reading.fired))
     table = [row for row in csv.DictReader(io.StringIO(told["csv"])) if row["what"] == "rule"]
     assert len(table) == sum(part.consequents.numel() for part in reading.chosen.parts)
+    for row in table:
+        trained = float(row.get("fired_while_learning", row["fired"]))
+        assert row["hardly_trained"] == str(trained < 1)
     (tmp_path / "p").mkdir()
     assert run(plot, monkeypatch, *which, f"to={tmp_path / 'p'}") == 0
     assert len([*(tmp_path / "p").iterdir()]) == 4

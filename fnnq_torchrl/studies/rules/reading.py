@@ -11,7 +11,10 @@ from fnnq_torchrl.studies.rules.replay import Replay, distilled, greedy, replay
 from fnnq_torchrl.training.firing import FIRING, read_firing
 
 HARDLY = 1.0
-"""A rule counts as hardly trained if its firing strengths in the replay add up to less."""
+"""A rule counts as hardly trained if its firing strengths add up to less.
+
+They are those of learning, if the job has counted them, or else those of the replay.
+"""
 
 
 @dataclass(frozen=True, eq=False)

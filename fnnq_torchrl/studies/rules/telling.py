@@ -98,11 +98,12 @@ def _rows(reading: Reading) -> list[dict[str, Any]]:
     for part, fired, spread in _parts(reading):
         columns: dict[str, list[float]] = {} if spread is None else {"spread": spread}
         columns["fired"] = fired
-        if reading.learned is not None:
-            columns["fired_while_learning"] = reading.learned.flatten().tolist()
+        learned = _while_learning(reading)
+        if learned is not None:
+            columns["fired_while_learning"] = learned
         for i, row in enumerate(part.table()):
             row |= {name: column[i] for name, column in columns.items()}
-            rows.append(row | {"hardly_trained": fired[i] < HARDLY})
+            rows.append(row | {"hardly_trained": (learned or fired)[i] < HARDLY})
     return rows
 
 
@@ -111,6 +112,11 @@ def _parts(reading: Reading) -> Iterator[tuple[RuleBase, list[float], list[float
     spreads = reading.chosen.spread or (None,) * len(reading.fired)
     for part, fired, spread in zip(reading.chosen.parts, reading.fired, spreads, strict=True):
         yield part, fired.flatten().tolist(), None if spread is None else spread.flatten().tolist()
+
+
+def _while_learning(reading: Reading) -> list[float] | None:
+    """Return the rules' firing strengths while learning, if the job has counted them."""
+    return None if reading.learned is None else reading.learned.flatten().tolist()
 
 
 def _sections(
@@ -149,15 +155,16 @@ def _sections_of(
         f"How strongly each rule{of} fired, summed over the {reading.steps} steps of the test's "
         "replay"
     )
-    yield grid(_grid(rules, [f"{value:.1f}{'*' if value < HARDLY else ''}" for value in fired]))
-    if min(fired) < HARDLY:
-        yield f"* less than {HARDLY:g}: hardly trained\n"
-    if reading.learned is not None:
+    learned = _while_learning(reading)
+    if learned is not None:
+        yield grid(_grid(rules, [f"{value:.1f}" for value in fired]))
         yield heading.format("How strongly each rule fired while learning, summed over its steps")
-        learned = reading.learned.flatten().tolist()
-        yield grid(_grid(rules, [f"{value:.1f}" for value in learned]))
+    trained = learned or fired
+    yield grid(_grid(rules, [f"{value:.1f}{'*' if value < HARDLY else ''}" for value in trained]))
+    if min(trained) < HARDLY:
+        yield f"* less than {HARDLY:g}: hardly trained\n"
     yield heading.format(f"The rules{of}")
-    for (labels, _), value, strength in zip(rules.rules(), numbers, fired, strict=True):
+    for (labels, _), value, strength in zip(rules.rules(), numbers, trained, strict=True):
         mark = " (hardly trained)" if strength < HARDLY else ""
         sentence = f"if {rules.premise(labels)} then {rules.output} is {value}"
         yield item.format(f"{sentence}{mark}")
