@@ -11,6 +11,8 @@ from fnnq_torchrl.agent.rules.errors import Place, RulesError
 from fnnq_torchrl.agent.rules.partition import Label, Variable
 from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_inputs
 
+_REMEDY = "without value.inputs, value.action and value.names, the file's labels are used"
+
 
 @dataclass(frozen=True, eq=False)
 class Definitions:
@@ -68,14 +70,14 @@ class Definitions:
                 raise self.error(
                     f"another partition: its labels of {own.name} are {', '.join(other.names)}, "
                     f"the network's are {', '.join(own.names)}; "
-                    f"value.names.{own.name}=[{','.join(other.names)}] renames",
+                    f"value.names.{own.name}=[{','.join(other.names)}] renames; {_REMEDY}",
                     i,
                 )
             for label, expected in zip(other.labels, own.labels, strict=True):
                 if label != expected:
                     raise self.error(
                         f"another partition: {own.name} {label.name} is {label.words}; expected "
-                        f"{expected.words}, which value.inputs and value.action set",
+                        f"{expected.words}; {_REMEDY}",
                         i,
                     )
 

@@ -136,7 +136,7 @@ def other(change: Callable[[Variable], Variable]) -> RuleBase:
                     each.name, (Label("far_right", "gaussian", (-0.6, 0.4)), *each.labels[1:])
                 )
             ),
-            "bearing far_right is gaussian -0.6 0.4; expected gaussian -0.5 0.4, which value",
+            "bearing far_right is gaussian -0.6 0.4; expected gaussian -0.5 0.4; without value",
         ),
         (
             RuleBase(VARIABLES, "value", paper().consequents, t_norm="minimum"),
