@@ -21,7 +21,8 @@ SPEEDS_RADPS = 0.05, 0.15
 def starts():
     seed = torch.arange(2**14)
     words = streams.draw(seed, torch.zeros_like(seed), torch.zeros_like(seed), Stream.START)
-    return ball.random_start(words[0], words[1], START_ANGLE_RAD, SPEEDS_RADPS, torch.float64)
+    u, v, *_ = streams.uniform(words, torch.float64)
+    return ball.random_start(u, v, streams.coin(words[1]), START_ANGLE_RAD, SPEEDS_RADPS)
 
 
 def test_position():
