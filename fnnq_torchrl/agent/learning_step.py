@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -179,7 +179,7 @@ class Learner:
         state: TensorDictBase,
         transition: TensorDictBase,
         weights: Weights,
-    ) -> dict[str, Tensor | TensorDict]:
+    ) -> dict[str, Any]:
         """Return the counts after a step, and the snapshot, replaced where an evaluation is due."""
         within = self._within(transition["action_value"])
         diverged = state["diverged"] | ~(within | state["over"])
@@ -193,16 +193,14 @@ class Learner:
             "steps": steps,
             "diverged": diverged,
             "over": (situations >= run["situations"]) | diverged,
-            "snapshot": TensorDict(
-                {
-                    "weights": {
-                        name: torch.where(over_batch(due, like=weight), weights[name], weight)
-                        for name, weight in snapshot["weights"].items()
-                    },
-                    "situations": torch.where(due, situations, snapshot["situations"]),
-                    "steps": torch.where(due, steps, snapshot["steps"]),
-                }
-            ),
+            "snapshot": {
+                "weights": {
+                    name: torch.where(over_batch(due, like=weight), weights[name], weight)
+                    for name, weight in snapshot["weights"].items()
+                },
+                "situations": torch.where(due, situations, snapshot["situations"]),
+                "steps": torch.where(due, steps, snapshot["steps"]),
+            },
         }
 
     def _fired(self, state: TensorDictBase, slope: Weights) -> Tensor:

@@ -80,7 +80,7 @@ def test_every_run_time_and_stream_has_words_of_its_own():
     episodes = [0, 1, 2, 119, 2**32 - 1, 2**32, 2**32 + 1, 2**33 - 1]
     steps = [0, 1, 2, 119, 120, 2**29 - 1]
     when = torch.tensor(list(product(seeds, episodes, steps))).T
-    blocks = torch.cat([torch.stack(streams.draw(*when, stream), -1) for stream in Stream])
+    blocks = torch.cat([streams.draw(*when, stream).T for stream in Stream])
     assert len(blocks) == len(Stream) * len(seeds) * len(episodes) * len(steps)
     assert len(blocks.unique(dim=0)) == len(blocks)
     assert len(blocks.unique()) == blocks.numel()  # two equal words in 3,456 can happen by chance
