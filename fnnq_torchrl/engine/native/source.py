@@ -381,8 +381,9 @@ def _all(value: Expression, number: str) -> str:
 
 
 def _for(axis: Axis) -> str:
+    # An int would be widened to an address anew in each iteration.
     name = f"i{axis.number}"
-    return f"for (int {name} = 0; {name} < {axis.size}; ++{name})"
+    return f"for (int64_t {name} = 0; {name} < {axis.size}; ++{name})"
 
 
 def _looped(axes: Iterable[Axis], line: str) -> str:
