@@ -18,10 +18,9 @@ from tables import short, table
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from envs.core import streams
-from envs.robot import balls as ball
 from envs.robot.follow import FollowBall
-from fnnq_torchrl.agent import learning_step
-from fnnq_torchrl.agent.learning_step import Learner
+from fnnq_torchrl.agent.loss import PengQLambdaLoss
+from fnnq_torchrl.agent.policy import ExploringPolicy
 from fnnq_torchrl.agent.update import Update
 from fnnq_torchrl.engine.lanes import lanes_for, repeat_last
 from fnnq_torchrl.engine.threads import threads_for
@@ -30,14 +29,14 @@ from fnnq_torchrl.training.trainer import Trainer
 
 # The functions that belong to each part, by the name under which a step looks them up.
 PARTS = {
-    "act": [(learning_step, "act")],
+    "policy": [(ExploringPolicy, "forward")],
     "env.step": [(FollowBall, "step")],
-    "slope": [(Learner, "_slope")],
+    "errors": [(PengQLambdaLoss, "errors")],
+    "gradient": [(torch.autograd, "grad")],
     "credit": [(Update, "update")],
     "restart": [(FollowBall, "restart")],
     "draws": [
-        *((streams, name) for name in ("draw", "uniform", "spare_uniform", "normal")),
-        *((ball, name) for name in ("uniform", "coin")),
+        (streams, name) for name in ("draw", "uniform", "spare_uniform", "coin", "box_muller")
     ],
 }
 REST = "the rest"

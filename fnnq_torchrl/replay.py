@@ -22,7 +22,7 @@ def main() -> None:
         return
     defaults = {"log": "", "run": "", "seed": "", "to": ""}
     try:
-        sys.stdout.write(f"{replay(parse(sys.argv[1:], defaults, ['log', 'run']))}\n")
+        sys.stdout.write(f"{replay(defaults | parse(sys.argv[1:], defaults, ['log', 'run']))}\n")
     except (ConfigError, OSError, ValueError) as error:
         sys.stderr.write(f"{' '.join(str(error).split())}\n")
         sys.exit(2)

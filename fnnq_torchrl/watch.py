@@ -36,7 +36,7 @@ def main() -> None:
         sys.stdout.write(__doc__ or "")
         return
     try:
-        for path in watch(parse(sys.argv[1:], _DEFAULTS, ["run"])):
+        for path in watch(_DEFAULTS | parse(sys.argv[1:], _DEFAULTS, ["run"])):
             sys.stdout.write(f"{path}\n")
     except (ConfigError, OSError, ValueError, TypeError) as error:
         sys.stderr.write(f"{' '.join(str(error).split())}\n")

@@ -1,12 +1,17 @@
 """Rule bases of any kind, for hypothesis, and the paper's."""
 
 from functools import cache
+from math import inf
 
 import torch
 from hypothesis import strategies as st
 
 from fnnq_torchrl.agent.rules import FuzzySystem, Label, RuleBase, Variable, partition
-from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS, T_NORMS
+from fnnq_torchrl.equations.membership_functions import (
+    ELSEWHERE,
+    MEMBERSHIP_FUNCTIONS,
+    T_NORMS,
+)
 from fnnq_torchrl.launch.composition import load_config
 
 numbers = st.floats(-5, 5).map(lambda x: x + 0.0)
@@ -41,6 +46,7 @@ def labels(draw: st.DrawFn, name: str) -> Label:
 def variables(draw: st.DrawFn, name: str) -> Variable:
     count = draw(st.integers(1, 3))
     low, high = sorted(draw(st.lists(numbers, min_size=2, max_size=2, unique=True)))
+    low, high = draw(st.sampled_from([(low, high), (low, high), (-inf, high), (low, inf)]))
     return Variable(name, tuple(draw(labels(f"l{i}")) for i in range(count)), low, high)
 
 
@@ -52,4 +58,5 @@ def systems(draw: st.DrawFn) -> FuzzySystem:
     size = torch.Size(shape).numel()
     values = draw(st.lists(st.floats(-1e6, 1e6), min_size=size, max_size=size))
     consequents = torch.tensor(values, dtype=torch.float64).reshape(shape)
-    return FuzzySystem(inputs, "q", consequents, draw(st.sampled_from(sorted(T_NORMS))))
+    t_norm, elsewhere = (draw(st.sampled_from(sorted(of))) for of in (T_NORMS, ELSEWHERE))
+    return FuzzySystem(inputs, "q", consequents, t_norm, elsewhere)

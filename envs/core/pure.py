@@ -137,9 +137,7 @@ class PureEnv(EnvBase):
             situations: fixed starts, ``[*batch_size, values]``; by default the environment's.
         """
         situations = self.situations if situations is None else situations
-        entries = self.initial(seed, episode, situations)
-        entries |= {"seed": seed, "episode": episode, "step": torch.zeros_like(episode)}
-        return self.pack(self._with_chance(entries))
+        return self.pack({"seed": seed, **self._first(seed, episode, situations)})
 
     def restart(self, after: TensorDictBase) -> TensorDict:
         """Return the state before the next step, which in a ``done`` run starts the next episode.
@@ -147,9 +145,10 @@ class PureEnv(EnvBase):
         Args:
             after: the entry ``"next"`` of a step's result.
         """
-        start = self.start(after["seed"], after["episode"] + 1)
-        done = after["done"]
-        return self.pack({key: torch.where(done, new, after[key]) for key, new in start.items()})
+        seed, done = after["seed"], after["done"]
+        first = self._first(seed, after["episode"] + 1, self.situations)
+        entries = {key: torch.where(done, new, after[key]) for key, new in first.items()}
+        return self.pack({"seed": seed, **entries})
 
     def pack(self, entries: Entries) -> TensorDict:
         """Return the entries as a TensorDict with this environment's batch size and device."""
@@ -168,22 +167,27 @@ class PureEnv(EnvBase):
         self.register_buffer("_seed", seed)
         self.register_buffer("_episode", torch.full_like(seed, -1))
 
+    def _first(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
+        """Return the entries at the start of an episode, except the seed."""
+        entries = self.initial(seed, episode, situations)
+        entries |= {"episode": episode, "step": torch.zeros_like(episode)}
+        return self._with_chance(entries, seed)
+
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         state = {key: tensordict[key] for key in (*self._kept, *WHEN)}
         state["step"] = state["step"] + 1
         after = self.transition(state, tensordict["action"])
         after |= {key: state[key] for key in WHEN}
-        never = torch.zeros_like(after["terminated"])
         late = after["step"] >= self.world.time_limit_steps
         after["truncated"] = late & ~after["terminated"]
-        after["done"] = after["terminated"] | after["truncated"]
-        after["success"] = after.get("success", never)
-        return self.pack(self._with_chance(after))
+        after["done"] = after["terminated"] | late
+        if "success" not in after:
+            after["success"] = torch.zeros_like(late)
+        return self.pack(self._with_chance(after, after["seed"]))
 
-    def _with_chance(self, entries: Entries) -> Entries:
+    def _with_chance(self, entries: Entries, seed: Tensor) -> Entries:
         if "chance" not in entries:
-            seed, episode, step = (entries[key] for key in WHEN)
-            words = streams.draw(seed, episode, step, Stream.CHANCE)
+            words = streams.draw(seed, entries["episode"], entries["step"], Stream.CHANCE)
             entries["chance"] = streams.uniform(words[0], self.dtype)
         return entries
 

@@ -14,13 +14,11 @@ Techniques 9(3), 2020.
 """
 
 import math
+from collections.abc import Sequence
 from enum import IntEnum
 
 import torch
 from torch import Tensor
-
-Words = tuple[Tensor, Tensor, Tensor, Tensor]
-"""Four random 32-bit words, as int32 tensors."""
 
 
 class Stream(IntEnum):
@@ -33,28 +31,32 @@ class Stream(IntEnum):
     SENSORS = 4
 
 
-def pcg4d(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
+def pcg4d(words: Tensor) -> Tensor:
     """Return the hash of four words; each input bit affects about half of its 128 bits.
 
     Args:
-        x, y, z, w: int32, of one shape. Products and sums wrap, as the hash requires.
+        words: int32 ``[4, ...]``. Products and sums wrap, as the hash requires.
+
+    Returns:
+        Of the same shape.
     """
-    words = _couple(*(1664525 * word + 1013904223 for word in (x, y, z, w)))
+    words = _coupled(1664525 * words + 1013904223)
     for _ in range(2):
-        words = _couple(*(word ^ ((word >> 16) & 0xFFFF) for word in words))
+        words = _coupled(words ^ ((words >> 16) & 0xFFFF))
     return words
 
 
-def _couple(x: Tensor, y: Tensor, z: Tensor, w: Tensor) -> Words:
+def _coupled(words: Tensor) -> Tensor:
     """Return four words that each depend on all four given words."""
+    x, y, z, w = words
     x = torch.addcmul(x, y, w)
     y = torch.addcmul(y, z, x)
     z = torch.addcmul(z, x, y)
     w = torch.addcmul(w, y, z)
-    return x, y, z, w
+    return torch.stack([x, y, z, w])
 
 
-def draw(seed: Tensor, episode: Tensor, step: Tensor, stream: Stream) -> Words:
+def draw(seed: Tensor, episode: Tensor, step: Tensor, stream: Stream) -> Tensor:
     """Return four random 32-bit words for each run, at a step of an episode.
 
     Args:
@@ -64,22 +66,22 @@ def draw(seed: Tensor, episode: Tensor, step: Tensor, stream: Stream) -> Words:
         stream: the purpose of the words.
 
     Returns:
-        Four int32 tensors, shaped as ``seed``.
+        Int32, ``[4, *shape]`` with the shape of ``seed``.
     """
     upper = (seed >> 32) | ((episode >> 32) << 31)  # 31 bits of the seed, one of the episode
     # The streams 0 and 1 alternate in the lower half of the counter's range. Each other stream has
     # a quarter of the upper half.
     counter = 2 * step + stream if stream < 2 else 2**31 + (stream - 2) * 2**29 + step
-    low_bits = (number.to(torch.int32) for number in (seed, upper, episode, counter))
-    return pcg4d(*low_bits)
+    # The conversion keeps the lower 32 bits.
+    return pcg4d(torch.stack([seed, upper, episode, counter]).to(torch.int32))
 
 
-def uniform(word: Tensor, dtype: torch.dtype) -> Tensor:
-    """Return U[0, 1) from a word's upper 24 bits, exact in float32 and so equal in float64."""
-    return ((word >> 8) & 0xFFFFFF).to(dtype) * 2.0**-24
+def uniform(words: Tensor, dtype: torch.dtype) -> Tensor:
+    """Return U[0, 1) from each word's upper 24 bits, exact in float32 and so equal in float64."""
+    return ((words >> 8) & 0xFFFFFF).to(dtype) * 2.0**-24
 
 
-def spare_uniform(words: tuple[Tensor, ...], dtype: torch.dtype) -> Tensor:
+def spare_uniform(words: Sequence[Tensor], dtype: torch.dtype) -> Tensor:
     """Return U[0, 1) from the lowest bytes of three words; :func:`uniform` ignores these bytes."""
     high, middle, low = (word & 0xFF for word in words)
     return ((high << 16) | (middle << 8) | low).to(dtype) * 2.0**-24
@@ -92,5 +94,9 @@ def coin(word: Tensor) -> Tensor:
 
 def normal(word: Tensor, other: Tensor, dtype: torch.dtype) -> Tensor:
     """Return N(0, 1) from two words, by the Box–Muller transform."""
-    radius = torch.sqrt(-2 * torch.log(1 - uniform(word, dtype)))
-    return radius * torch.cos(2 * math.pi * uniform(other, dtype))
+    return box_muller(*uniform(torch.stack([word, other]), dtype))
+
+
+def box_muller(u: Tensor, v: Tensor) -> Tensor:
+    """Return N(0, 1) from two numbers of U[0, 1)."""
+    return torch.sqrt(-2 * torch.log(1 - u)) * torch.cos(2 * math.pi * v)

@@ -3,8 +3,6 @@
 import torch
 from torch import Tensor
 
-from envs.core.streams import coin, uniform
-
 
 def position(angle_rad: Tensor, circle_radius_m: float) -> tuple[Tensor, Tensor]:
     """Return the ball's position: x = R cos φ, y = R sin φ, in metres, shaped as ``angle_rad``."""
@@ -17,24 +15,24 @@ def roll(angle_rad: Tensor, speed_radps: Tensor, time_step_s: float) -> Tensor:
 
 
 def random_start(
-    angle_word: Tensor,
-    speed_word: Tensor,
+    u: Tensor,
+    v: Tensor,
+    heads: Tensor,
     start_angle_rad: float,
     speed_range_radps: tuple[float, float],
-    dtype: torch.dtype,
 ) -> tuple[Tensor, Tensor]:
     """Return a random start: φ₀ ~ U(−φ_max, φ_max), |ω_b| ~ U(low, high), ω_b's sign a fair coin.
 
     Args:
-        angle_word, speed_word: random 32-bit words (:func:`envs.core.streams.draw`), any shape.
+        u, v: random numbers from U[0, 1), any shape.
+        heads: a fair coin (bool), same shape.
         start_angle_rad: φ_max.
         speed_range_radps: the lowest and the highest |ω_b|.
-        dtype: the dtype of the result.
 
     Returns:
-        φ₀ in rad and ω_b in rad/s, shaped as the words.
+        φ₀ in rad and ω_b in rad/s, shaped as ``u``.
     """
     low, high = speed_range_radps
-    angle_rad = start_angle_rad * (2 * uniform(angle_word, dtype) - 1)
-    speed_radps = low + (high - low) * uniform(speed_word, dtype)
-    return angle_rad, torch.where(coin(speed_word), speed_radps, -speed_radps)
+    angle_rad = start_angle_rad * (2 * u - 1)
+    speed_radps = low + (high - low) * v
+    return angle_rad, torch.where(heads, speed_radps, -speed_radps)

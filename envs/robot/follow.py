@@ -1,11 +1,13 @@
 """The paper's task as a TorchRL environment: a robot on two wheels follows a rolling ball."""
 
+from typing import ClassVar
+
 import torch
 from torch import Tensor
 
 from envs.core import streams
 from envs.core.pure import Entries, PureEnv
-from envs.core.streams import Stream, Words
+from envs.core.streams import Stream
 from envs.robot import balls, kinematics, outcome, vision
 from envs.robot.schemas import FollowBallConfig
 
@@ -34,20 +36,28 @@ class FollowBall(PureEnv):
     """
 
     schema = FollowBallConfig
-    state_keys = "x_m", "y_m", "heading_rad", "ball_angle_rad", "ball_speed_radps"
+    state_keys: ClassVar[tuple[str, ...]] = (
+        "x_m",
+        "y_m",
+        "heading_rad",
+        "ball_angle_rad",
+        "ball_speed_radps",
+    )
     world: FollowBallConfig
 
     def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
         words = streams.draw(seed, episode, torch.zeros_like(episode), Stream.START)
+        u, v, *noise = streams.uniform(words, self.dtype)
+        first, second, *others = words
         if situations is None:
-            angle_rad, speed_radps = self._draw_ball(words, episode)
+            angle_rad, speed_radps = self._draw_ball(u, v, streams.coin(second), episode)
         else:
             angle_rad, speed_radps = situations.clone().tensor_split(2, -1)
         state = {key: torch.zeros_like(angle_rad) for key in ("x_m", "y_m", "heading_rad")}
         state |= {"ball_angle_rad": angle_rad, "ball_speed_radps": speed_radps}
         # From the circle's centre, a ball at φ is seen in the direction φ.
-        state["bearing"] = self._look(angle_rad, 0, (words[2], words[3]), episode)
-        state["chance"] = streams.spare_uniform((words[0], words[2], words[3]), self.dtype)
+        state["bearing"] = self._look(angle_rad, 0, streams.box_muller(*noise), episode)
+        state["chance"] = streams.spare_uniform((first, *others), self.dtype)
         return state
 
     def transition(self, state: Entries, action: Tensor) -> Entries:
@@ -62,9 +72,8 @@ class FollowBall(PureEnv):
         )
         ball, ball_x_m, ball_y_m = self._roll(state)
         east_m, north_m = ball_x_m - x_m, ball_y_m - y_m
-        word, other, chance, _ = streams.draw(
-            state["seed"], state["episode"], state["step"], Stream.STEP
-        )
+        words = streams.draw(state["seed"], state["episode"], state["step"], Stream.STEP)
+        u, v, chance, _ = streams.uniform(words, self.dtype)
         direction_rad = torch.atan2(north_m, east_m)
         reward, terminated, caught = outcome.judge(
             east_m,
@@ -80,20 +89,22 @@ class FollowBall(PureEnv):
             "y_m": y_m,
             "heading_rad": heading_rad,
             **ball,
-            "bearing": self._look(direction_rad, heading_rad, (word, other), state["episode"]),
-            "chance": streams.uniform(chance, self.dtype),
+            "bearing": self._look(
+                direction_rad, heading_rad, streams.box_muller(u, v), state["episode"]
+            ),
+            "chance": chance,
             "reward": reward,
             "terminated": terminated,
             "success": caught,
         }
 
-    def _draw_ball(self, words: Words, episode: Tensor) -> tuple[Tensor, Tensor]:
+    def _draw_ball(
+        self, u: Tensor, v: Tensor, heads: Tensor, episode: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Return a random start of the ball: φ₀ in rad and ω_b in rad/s."""
         world = self.world
         speeds_radps = world.ball_speed_min_radps, world.ball_speed_max_radps
-        return balls.random_start(
-            words[0], words[1], world.start_angle_rad, speeds_radps, self.dtype
-        )
+        return balls.random_start(u, v, heads, world.start_angle_rad, speeds_radps)
 
     def _roll(self, state: Entries) -> tuple[Entries, Tensor, Tensor]:
         """Return the ball's state after a step, and its x and y in m."""
@@ -106,10 +117,13 @@ class FollowBall(PureEnv):
         self,
         direction_rad: Tensor,
         heading_rad: Tensor | float,
-        noise_words: tuple[Tensor, Tensor],
+        noise: Tensor,
         episode: Tensor,
     ) -> Tensor:
-        """Return the bearing that the head reports for a ball in ``direction_rad``."""
+        """Return the bearing that the head reports for a ball in ``direction_rad``.
+
+        The noise is N(0, 1).
+        """
         world = self.world
-        noise_rad = world.bearing_noise_rad * streams.normal(*noise_words, self.dtype)
+        noise_rad = world.bearing_noise_rad * noise
         return vision.bearing(direction_rad, heading_rad, noise_rad, world.field_of_view_rad)

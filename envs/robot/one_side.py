@@ -2,7 +2,6 @@
 
 from torch import Tensor
 
-from envs.core.streams import Words
 from envs.robot.follow import FollowBall
 from envs.robot.schemas import FollowOneSideConfig
 
@@ -20,18 +19,20 @@ class FollowOneSide(FollowBall):
     schema = FollowOneSideConfig
     world: FollowOneSideConfig
 
-    def _draw_ball(self, words: Words, episode: Tensor) -> tuple[Tensor, Tensor]:
-        angle_rad, speed_radps = super()._draw_ball(words, episode)
+    def _draw_ball(
+        self, u: Tensor, v: Tensor, heads: Tensor, episode: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        angle_rad, speed_radps = super()._draw_ball(u, v, heads, episode)
         return self._side(episode) * angle_rad.abs(), speed_radps
 
     def _look(
         self,
         direction_rad: Tensor,
         heading_rad: Tensor | float,
-        noise_words: tuple[Tensor, Tensor],
+        noise: Tensor,
         episode: Tensor,
     ) -> Tensor:
-        seen_rad = super()._look(direction_rad, heading_rad, noise_words, episode)
+        seen_rad = super()._look(direction_rad, heading_rad, noise, episode)
         side = self._side(episode)
         return side * (side * seen_rad).clamp(min=-self.world.other_view_rad)
 

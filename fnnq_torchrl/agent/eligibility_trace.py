@@ -6,7 +6,7 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from fnnq_torchrl.agent.loss import PengQLambdaLoss
+from fnnq_torchrl.agent.loss import Errors, PengQLambdaLoss
 from fnnq_torchrl.agent.update import Update
 from fnnq_torchrl.equations.layout import run_numbers
 from fnnq_torchrl.equations.q_lambda import Rule
@@ -60,8 +60,9 @@ class EligibilityTrace:
         if batch.numel() != runs:
             raise ValueError(f"batch of shape {list(batch.shape)}: must be one step of every run")
         weights = dict(self.loss.value_network.named_parameters())
-        slopes = torch.autograd.grad(losses[keys.chosen_action_value].sum(), [*weights.values()])
-        errors = {key: losses[key].view(runs, 1) for key in (keys.td_error, keys.chosen_td_error)}
+        found = keys.td_error, keys.chosen_td_error, keys.chosen_action_value
+        errors = Errors(*(losses[key].view(runs, 1) for key in found))
+        slopes = torch.autograd.grad(errors.chosen_value.sum(), [*weights.values()])
         direction, self.trace = self._update.update(
             batch.view(runs),
             errors,

@@ -2,21 +2,43 @@
 
 from collections.abc import Mapping
 from functools import partial
+from typing import Any, NamedTuple
 
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torch import Tensor
+from torch import Tensor, nn
 from torch.func import functional_call
 
 from envs.core.pure import PureEnv
 from fnnq_torchrl.agent.gradient import gradient
-from fnnq_torchrl.agent.loss import PengQLambdaLoss
+from fnnq_torchrl.agent.loss import Errors, PengQLambdaLoss
 from fnnq_torchrl.agent.policy import ExploringPolicy, make_policy
 from fnnq_torchrl.agent.update import Update, Weights
 from fnnq_torchrl.agent.values import ValueNetwork
-from fnnq_torchrl.equations.layout import per_run, runs_first, runs_last
+from fnnq_torchrl.equations.layout import over_batch, per_run, runs_first, runs_last
 from fnnq_torchrl.equations.q_lambda import Rule
 from fnnq_torchrl.equations.step_size import Direction, StepSize, decayed
+
+
+class _Experience(NamedTuple):
+    """A step of the world, ``[runs]`` with ``"next"``, and its errors."""
+
+    transition: TensorDictBase
+    errors: Errors
+
+
+class _Agent(nn.Module):
+    """The policy in the world and the loss: all of a step that depends on the weights."""
+
+    def __init__(self, env: PureEnv, policy: ExploringPolicy, loss: PengQLambdaLoss) -> None:
+        super().__init__()
+        self.env, self.policy, self.loss = env, policy, loss
+
+    def forward(self, world: TensorDictBase) -> _Experience:
+        """Take a step from the world's state, a TensorDict that is changed in place."""
+        with torch.no_grad():
+            transition = self.env.step(self.policy(world))
+        return _Experience(transition, self.loss.errors(transition))
 
 
 class Learner:
@@ -69,14 +91,14 @@ class Learner:
     ) -> None:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # `step` sets the amount
-        self.loss = PengQLambdaLoss(value_network, gamma=1.0)
+        self.loss = PengQLambdaLoss(value_network, gamma=1.0)  # likewise γ
         self.step_size = step_size
         self.evaluate_every = evaluate_every
+        self._agent = _Agent(env, self.policy, self.loss)
         self._update = Update(self.loss, rule)
         self._count_firing = count_firing
         like = value_network.candidates
-        masks = (learns or {}).items()
-        self._learns = {name: mask.unsqueeze(-1).to(like) for name, mask in masks}
+        self._learns = {name: mask.to(like) for name, mask in (learns or {}).items()}
         self.largest_value = min(largest_value, torch.finfo(value_network.candidates.dtype).max)
 
     def begin(self, run: TensorDictBase) -> TensorDict:
@@ -118,34 +140,32 @@ class Learner:
         the next one replaces it, which takes at least ``fewest_steps · evaluate_every`` steps
         (:class:`envs.core.world.WorldConfig`).
         """
-        amount, decay = run[self.policy.amount_name], run["gamma"] * run["lam"]
-        transition = self.env.step(act(self.policy, state["weights"], amount, state["world"]))
+        before, decay = dict(state["weights"].items()), run["gamma"] * run["lam"]
+        slope, (transition, errors) = self._experienced(run, before, state["world"])
         after = transition["next"]
-        slope, losses = self._slope(state["weights"], run["gamma"], transition)
-        direction, trace = self._update.update(transition, losses, slope, state["trace"], decay)
+        direction, trace = self._update.update(transition, errors, slope, state["trace"], decay)
         kappa = run.get("kappa", None)
         step, alpha = self.step_size.update(
             per_run(state["alpha"]),
             None if kappa is None else per_run(kappa),
             Direction(
                 partial(self._update.present_trace, transition, slope, state["trace"], decay),
-                partial(self._update.largest_error, losses),
-                partial(self._error_slope, state["weights"], run["gamma"], slope, after),
+                partial(self._update.largest_error, errors),
+                partial(self._error_slope, before, run["gamma"], slope, after),
             ),
         )
-        steps = {name: step * learns for name, learns in self._learns.items()}
         weights = {
-            name: runs_first(runs_last(weight) + steps.get(name, step) * runs_last(direction[name]))
-            for name, weight in state["weights"].items()
+            name: weight + self._step_of(name, over_batch(step, like=weight)) * direction[name]
+            for name, weight in before.items()
         }
-        alpha = decayed(alpha, per_run(run["alpha_decay"]), per_run(after["success"]))
+        alpha = decayed(alpha.unsqueeze(-1), run["alpha_decay"], after["success"])
         counted = {"fired": self._fired(state, slope)} if self._count_firing else {}
         return TensorDict(
             {
                 "world": self.env.restart(after),
                 "weights": weights,
                 "trace": trace,
-                "alpha": alpha.unsqueeze(-1),
+                "alpha": alpha,
                 **self._counts(run, state, transition, weights),
                 **counted,
             },
@@ -159,55 +179,62 @@ class Learner:
         state: TensorDictBase,
         transition: TensorDictBase,
         weights: Weights,
-    ) -> dict[str, Tensor | TensorDict]:
+    ) -> dict[str, Any]:
         """Return the counts after a step, and the snapshot, replaced where an evaluation is due."""
-        beyond = self._beyond(transition["action_value"])
-        diverged = state["diverged"] | (beyond & ~state["over"])
-        situations = state["situations"] + (transition["next", "done"] & ~diverged)
-        steps = state["steps"] + ~diverged
+        within = self._within(transition["action_value"])
+        diverged = state["diverged"] | ~(within | state["over"])
+        goes_on = ~diverged
+        situations = state["situations"] + (transition["next", "done"] & goes_on)
+        steps = state["steps"] + goes_on
         snapshot = state["snapshot"]
-        # Every weight is selected by `due`, a number because a compiled loop loads booleans slowly.
-        now = situations == snapshot["situations"] + self.evaluate_every
-        due = now.to(transition["action_value"].dtype)
+        due = situations == snapshot["situations"] + self.evaluate_every
         return {
             "situations": situations,
             "steps": steps,
             "diverged": diverged,
             "over": (situations >= run["situations"]) | diverged,
-            "snapshot": TensorDict(
-                {
-                    "weights": _where(due, weights, snapshot["weights"]),
-                    "situations": torch.where(due > 0, situations, snapshot["situations"]),
-                    "steps": torch.where(due > 0, steps, snapshot["steps"]),
-                }
-            ),
+            "snapshot": {
+                "weights": {
+                    name: torch.where(over_batch(due, like=weight), weights[name], weight)
+                    for name, weight in snapshot["weights"].items()
+                },
+                "situations": torch.where(due, situations, snapshot["situations"]),
+                "steps": torch.where(due, steps, snapshot["steps"]),
+            },
         }
 
     def _fired(self, state: TensorDictBase, slope: Weights) -> Tensor:
         """Return ``fired`` after a step; it doesn't change for a run that is over."""
-        goes_on = per_run(state["over"].logical_not())
-        return runs_first(runs_last(state["fired"]) + goes_on * runs_last(slope["weight"]))
+        goes_on = over_batch(state["over"].logical_not(), like=state["fired"])
+        return state["fired"] + goes_on * slope["weight"]
 
-    def _beyond(self, action_value: Tensor) -> Tensor:
-        """Return whether any |Q| of a run exceeds ``largest_value`` or is NaN, ``[runs, 1]``."""
-        return ~(action_value.abs().amax(-1, keepdim=True) <= self.largest_value)
+    def _within(self, action_value: Tensor) -> Tensor:
+        """Return whether no |Q| of a run exceeds ``largest_value`` or is NaN, ``[runs, 1]``."""
+        return action_value.abs().amax(-1, keepdim=True) <= self.largest_value
 
-    def _slope(
-        self, weights: Weights, gamma: Tensor, transition: TensorDictBase
-    ) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
-        """Return each run's ∇Q(s, a), by autograd through the loss, and its errors δ and δ′."""
+    def _step_of(self, name: str, step: Tensor) -> Tensor:
+        """Return the step size of the weights with this name, 0 for those that don't learn."""
+        return step * self._learns[name] if name in self._learns else step
 
-        def chosen_value(weights: dict[str, Tensor]) -> tuple[Tensor, dict[str, Tensor]]:
-            overrides = {f"value_network.{name}": weight for name, weight in weights.items()}
-            losses = functional_call(self.loss, overrides | {"gamma": gamma}, (transition,))
-            # A run's Q depends on its own weights alone, so the sum has each run's own gradient.
-            total = losses["chosen_action_value"].sum()
-            return total, {key: losses[key] for key in ("td_error", "chosen_td_error")}
+    def _experienced(
+        self, run: TensorDictBase, weights: dict[str, Tensor], world: TensorDictBase
+    ) -> tuple[dict[str, Tensor], _Experience]:
+        """Return each run's ∇Q(s, a), by autograd, and the step of its world."""
+        amount = self.policy.amount_name
+        numbers = {f"policy.{amount}": run[amount], "loss.gamma": run["gamma"]}
 
-        return gradient(chosen_value, dict(weights.items()))
+        def chosen_value(weights: dict[str, Tensor]) -> tuple[Tensor, _Experience]:
+            # The policy has the same network as the loss, so these weights are replaced in both.
+            named = {f"loss.value_network.{name}": weight for name, weight in weights.items()}
+            experience: _Experience = functional_call(
+                self._agent, named | numbers, (world.copy(),), tie_weights=False
+            )
+            return experience.errors.chosen_value, experience
+
+        return gradient(chosen_value, weights)
 
     def _error_slope(
-        self, weights: Weights, gamma: Tensor, slope: Weights, after: TensorDictBase
+        self, weights: dict[str, Tensor], gamma: Tensor, slope: Weights, after: TensorDictBase
     ) -> list[Tensor]:
         """Return ∇δ′ = γ∇V(s′) − ∇Q(s, a), tensors ``[*weights, runs]``.
 
@@ -218,9 +245,9 @@ class Learner:
         def value(weights: dict[str, Tensor]) -> tuple[Tensor, None]:
             observations = tuple(after[key] for key in network.in_keys)
             best = functional_call(network, weights, observations).amax(-1, keepdim=True)
-            return best.masked_fill(after["terminated"], 0).sum(), None
+            return best.masked_fill(after["terminated"], 0), None
 
-        ahead, _ = gradient(value, dict(weights.items()))
+        ahead, _ = gradient(value, weights)
         return [per_run(gamma) * runs_last(ahead[name]) - runs_last(slope[name]) for name in slope]
 
 
@@ -238,11 +265,3 @@ def act(
 def _copy(weight: Tensor) -> Tensor:
     """Return a copy of the weights with the runs as the last dimension in memory."""
     return runs_first(runs_last(weight).contiguous().clone())
-
-
-def _where(mask: Tensor, chosen: Weights, other: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    mask = per_run(mask) > 0
-    return {
-        name: runs_first(torch.where(mask, runs_last(new), runs_last(other[name])))
-        for name, new in chosen.items()
-    }

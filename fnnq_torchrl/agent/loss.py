@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -13,6 +13,20 @@ from torchrl.objectives import LossModule
 from fnnq_torchrl.agent.values import ValueNetwork
 from fnnq_torchrl.equations import q_lambda
 from fnnq_torchrl.equations.layout import over_batch, run_numbers
+
+
+class Errors(NamedTuple):
+    """The two errors of a step, and Q(s, a), each ``[runs, *batch, 1]``.
+
+    Attributes:
+        td_error: δ, without a gradient.
+        chosen_td_error: δ′, without a gradient.
+        chosen_value: Q(s, a), with the gradient of the network's weights.
+    """
+
+    td_error: Tensor
+    chosen_td_error: Tensor
+    chosen_value: Tensor
 
 
 class PengQLambdaLoss(LossModule):
@@ -74,7 +88,8 @@ class PengQLambdaLoss(LossModule):
         keys = self.tensor_keys
         return ["loss", keys.td_error, keys.chosen_td_error, keys.chosen_action_value]
 
-    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+    def errors(self, tensordict: TensorDictBase) -> Errors:
+        """Return the errors and the value from which :meth:`forward` makes the loss."""
         keys, after = self.tensor_keys, tensordict["next"]
         values_in = self.value_network.values_in
         chosen_value = values_in(tensordict, tensordict[keys.action])
@@ -87,6 +102,11 @@ class PengQLambdaLoss(LossModule):
                 values_in(after).amax(-1, keepdim=True),
                 over_batch(self.gamma, like=chosen_value),
             )
+        return Errors(td_error, chosen_td_error, chosen_value)
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+        keys = self.tensor_keys
+        td_error, chosen_td_error, chosen_value = self.errors(tensordict)
         target = chosen_td_error + chosen_value.detach()
         return TensorDict(
             {

@@ -42,7 +42,7 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
 
         Args:
             action_values: Q of the candidates, ``[candidates, runs, *batch]``.
-            amount: the amount of exploration, ``[runs, *batch]``.
+            amount: the amount of exploration, ``[runs, *batch]`` or broadcast to it.
             u: uniform random numbers in [0, 1), ``[runs, *batch]``.
 
         Returns:
@@ -52,7 +52,7 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         values = self.value_network.values_in(tensordict)
         u = per_run(tensordict["chance"])
-        amount = over_batch(getattr(self, self.amount_name), like=u).expand_as(u)
+        amount = over_batch(getattr(self, self.amount_name), like=u)
         tensordict["action_value"] = values
         tensordict["action"] = self.choose(values.movedim(-1, 0), amount, u).unsqueeze(-1)
         return tensordict

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from fnnq_torchrl.agent.loss import PengQLambdaLoss
+from fnnq_torchrl.agent.loss import Errors, PengQLambdaLoss
 from fnnq_torchrl.equations.exploration import is_greedy
 from fnnq_torchrl.equations.layout import per_run, runs_first, runs_last
 from fnnq_torchrl.equations.q_lambda import Rule
@@ -53,7 +53,7 @@ class Update:
     def update(
         self,
         transition: TensorDictBase,
-        losses: Mapping[str, Tensor],
+        errors: Errors,
         gradient: Weights,
         trace: Weights,
         decay: Tensor,
@@ -62,21 +62,20 @@ class Update:
 
         Args:
             transition: one step of every run, ``[runs]``, with ``"next"``.
-            losses: the loss module's result for the transition, with δ and δ′, each ``[runs, 1]``.
+            errors: the transition's δ and δ′, each ``[runs, 1]``.
             gradient: ∇Q(s, a) by name, each ``[runs, *weights]``.
             trace: e before the step, by name.
             decay: γλ, ``[runs, 1]`` or one number.
         """
-        keys, done = self._keys, transition["next", self._keys.done]
-        td_error = losses[keys.td_error]
+        done = transition["next", self._keys.done]
         credited = self.rule.update(
             _runs_last(trace, gradient),
             _runs_last(gradient, gradient),
-            per_run(td_error),
-            per_run(losses[keys.chosen_td_error]),
+            per_run(errors.td_error),
+            per_run(errors.chosen_td_error),
             per_run(decay),
             self._greedy(transition),
-            per_run(done).logical_not().to(td_error.dtype),
+            per_run(done).logical_not().to(errors.td_error.dtype),
         )
         direction, after = {}, {}
         for name, (one, other) in zip(gradient, credited, strict=True):
@@ -98,11 +97,9 @@ class Update:
             self._greedy(transition),
         )
 
-    def largest_error(self, losses: Mapping[str, Tensor]) -> Tensor:
+    def largest_error(self, errors: Errors) -> Tensor:
         """Return the largest of |δ| and |δ′| that the variant of Q(λ) uses, ``[runs]``."""
-        keys = self._keys
-        errors = per_run(losses[keys.td_error]), per_run(losses[keys.chosen_td_error])
-        return self.rule.largest_error(*errors)
+        return self.rule.largest_error(per_run(errors.td_error), per_run(errors.chosen_td_error))
 
     def _greedy(self, transition: TensorDictBase) -> Tensor | None:
         """Return 1 where the action was greedy, else 0, ``[runs]``; None if never needed."""

@@ -159,9 +159,15 @@ class Config(Parameters):
             highest = f"at most {2**63 - self.num_seeds}, so that the last seed fits in 63 bits"
             yield OutOfRange("seed", self.seed, highest)
         for misfit in self.value.misfits(self.env):
+            if self._has_prior and misfit.value is None and misfit.key in ("inputs", "action"):
+                continue  # the prior's file brings labels
             yield OutOfRange(f"value.{misfit.key}", misfit.value, misfit.allowed)
         yield from self._misfits_of_the_rules()
         yield from self._misfits_of_the_world()
+
+    @property
+    def _has_prior(self) -> bool:
+        return self.rules is not None and self.rules.prior is not None
 
     @property
     def counts_firing(self) -> bool:
@@ -186,6 +192,8 @@ class Config(Parameters):
         if self.rules is not None and self.rules.used and self.value.kind != "fnnq":
             allowed = "fnnq, the kind with rules, if rules.… is given"
             yield OutOfRange("value.kind", self.value.kind, allowed)
+            return
+        if self._has_prior:  # its labels may have other names; checked when its file is read
             return
         try:
             _ = self.frozen_rules

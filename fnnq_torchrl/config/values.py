@@ -29,6 +29,7 @@ from envs.core.parameters import (
 )
 from envs.core.registry import KIND
 from envs.core.world import WorldConfig
+from fnnq_torchrl.config.choices import shipped_labels
 from fnnq_torchrl.equations.membership_functions import (
     ELSEWHERE,
     MEMBERSHIP_FUNCTIONS,
@@ -139,15 +140,36 @@ class LabelsConfig(ValueConfig):
         inputs = {name: self._even(*span, self.labels_of_input) for name, span in spans.items()}
         return replace(self, inputs=inputs, action=self.action_in(world))
 
-    def found(self, inputs: Mapping[str, Sequence[Membership]], world: WorldConfig) -> Self:
+    def found(
+        self,
+        inputs: Mapping[str, Sequence[Membership]],
+        world: WorldConfig,
+        action: Sequence[Membership] | None = None,
+        names: Mapping[str, list[str]] | None = None,
+    ) -> Self:
         """Return a copy that contains found labels as if a user had given them.
 
         Args:
-            inputs: the Gaussian labels of each input, by its name.
+            inputs: the labels of each input, by its name.
             world: the world, for the action's range.
+            action: the labels of the action; those of :meth:`action_in`, if not given.
+            names: the names of the labels, by the input or action.
         """
-        labels = {name: [self._written(of) for of in each] for name, each in inputs.items()}
-        return replace(self, inputs=labels, action=self.action_in(world), membership="paper")
+        return replace(
+            self,
+            inputs={name: [*map(self._written, each)] for name, each in inputs.items()},
+            action=self.action_in(world) if action is None else [*map(self._written, action)],
+            names={**self.names, **(names or {})},
+            membership="paper",
+        )
+
+    @property
+    def as_shipped(self) -> bool:
+        """True if no user has set labels: they are missing, or those of a file in ``conf/``."""
+        if self.inputs is None and self.action is None and self.membership == "paper":
+            return True
+        own = {"inputs": self.inputs, "action": self.action, "names": self.names}
+        return own in shipped_labels()
 
     def action_in(self, world: WorldConfig) -> list[Any]:
         """Return the given labels of the action, or evenly spaced labels.
@@ -162,9 +184,12 @@ class LabelsConfig(ValueConfig):
     def _even(self, low: float, high: float, count: int) -> list[Any]:
         return [self._written(label) for label in even_labels(low, high, count)]
 
-    def _written(self, label: Membership) -> list[float]:
-        """Return a Gaussian as ``[centre, width]``, with the width in the units of ``width``."""
-        _, (centre, sigma) = label
+    def _written(self, label: Membership) -> Any:
+        """Return a label as configurations have it: ``[centre, width]`` or ``{kind: …}``."""
+        kind, parameters = label
+        if kind != "gaussian":
+            return {kind: [*parameters]}
+        centre, sigma = parameters
         return [centre, sigma**2 if self.width == "variance" else sigma]
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:

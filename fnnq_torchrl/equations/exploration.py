@@ -26,11 +26,11 @@ def epsilon_greedy(action_values: Tensor, epsilon: Tensor, u: Tensor) -> Tensor:
     explore = u < epsilon
     best = action_values == action_values.amax(0)
     # The ranks are whole numbers, but loops over many runs load floats faster than integers.
-    rank = best.to(u.dtype).cumsum(0)  # numbers the best candidates 1, 2, …
-    among = torch.where(explore, len(action_values), rank[-1])
+    rank = best.cumsum(0, dtype=u.dtype)  # numbers the best candidates 1, 2, …
+    among = rank[-1].masked_fill(explore, len(action_values))
     share = torch.where(explore, u, u - epsilon) / torch.where(explore, epsilon, 1 - epsilon)
     pick = torch.minimum((share * among).floor(), among - 1)  # rounding may give `among`
-    return torch.where(explore, pick, (rank <= pick).to(u.dtype).sum(0)).int()
+    return torch.where(explore, pick, (rank <= pick).sum(0, dtype=u.dtype)).int()
 
 
 def boltzmann(action_values: Tensor, temperature: Tensor, u: Tensor) -> Tensor:

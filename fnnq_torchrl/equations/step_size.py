@@ -10,6 +10,7 @@ it is a rule of thumb.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import torch
 from torch import Tensor
@@ -97,7 +98,7 @@ def make_step_size(name: str) -> StepSize:
 
 
 def decayed(alpha: Tensor, decay: Tensor, success: Tensor) -> Tensor:
-    """Return decay·α where ``success`` (bool) is true, and α elsewhere; all ``[runs]``.
+    """Return decay·α where ``success`` (bool) is true, and α elsewhere; all of one shape.
 
     The paper: «we decreased α whenever the agent got reward», without a figure. The paper's robot
     gets a reward when it catches the ball, which is a success.
@@ -149,4 +150,4 @@ def alpha_bound(alpha: Tensor, trace: Sequence[Tensor], error_slope: Sequence[Te
 
 def _total(tensors: Iterable[Tensor]) -> Tensor:
     """Return the sum over all weights: from tensors ``[*weights, runs]`` to ``[runs]``."""
-    return torch.stack([x.flatten(0, -2).sum(0) for x in tensors]).sum(0)
+    return reduce(torch.add, (x.flatten(0, -2).sum(0) for x in tensors))

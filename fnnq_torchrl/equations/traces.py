@@ -10,6 +10,7 @@ Tr(s, a) ← Tr(s, a) + 1, changes e.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
+from functools import reduce
 from typing import NamedTuple, Self
 
 import torch
@@ -111,7 +112,7 @@ class OutputTrace(GradientTrace):
 
     def scale(self, gradients: Sequence[Tensor]) -> Tensor:
         norm = squared_norm(gradients)
-        return torch.where(norm > 0, 1 / norm, 0)
+        return torch.where(norm > 0, norm.reciprocal(), 0)
 
 
 class ReplacingTrace(Trace):
@@ -202,7 +203,7 @@ def squared_norm(gradients: Iterable[Tensor]) -> Tensor:
     Returns:
         ‖∇Q‖², ``[runs]``.
     """
-    return torch.stack([f.square().flatten(0, -2).sum(0) for f in gradients]).sum(0)
+    return reduce(torch.add, (f.square().flatten(0, -2).sum(0) for f in gradients))
 
 
 def _faded(credit: Credit) -> tuple[Tensor, Tensor, Tensor, Tensor]:

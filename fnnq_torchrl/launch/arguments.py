@@ -1,12 +1,14 @@
 """Argument parsers that report a mistake in one line."""
 
-import difflib
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
+
+from envs.core.parameters import ConfigError
+from fnnq_torchrl.launch.words import parse
 
 
 class OneLineParser(ArgumentParser):
@@ -22,24 +24,15 @@ def read_words(program: str, description: str | None, keys: Iterable[str]) -> di
     Args:
         program: the command.
         description: for ``--help``.
-        keys: what may be set; ``explain.`` is any key that begins with it.
+        keys: the keys that there are, as in :func:`.parse`.
     """
     form = RawDescriptionHelpFormatter
     parser = OneLineParser(program, description=description, formatter_class=form)
     parser.add_argument("words", nargs="*", metavar="key=value")
-    known, values = [*keys], dict[str, str]()
-    for word in parser.parse_args().words:
-        key, equals, value = word.partition("=")
-        if not equals:
-            parser.error(f"{word}: can't be read as key=value")
-        if not any(key == each or (each.endswith(".") and key.startswith(each)) for each in known):
-            near = difflib.get_close_matches(key, known, n=1)
-            advice = f"did you mean {near[0]}?" if near else f"there is {', '.join(known)}"
-            parser.error(f"{word}: there is no {key}; {advice}")
-        if key in values:
-            parser.error(f"{word}: {key} is there twice")
-        values[key] = value
-    return values
+    try:
+        return parse(parser.parse_args().words, keys)
+    except ConfigError as error:
+        parser.error(str(error))
 
 
 def page_parser(program: str, description: str | None) -> OneLineParser:

@@ -1,38 +1,39 @@
 """The words key=value of commands without Hydra, or one line on what is wrong with them."""
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from envs.core.parameters import ConfigError
 
 
-def parse(
-    words: Sequence[str], defaults: Mapping[str, str], needed: Sequence[str]
-) -> dict[str, str]:
-    """Return a value for every key.
+def parse(words: Sequence[str], keys: Iterable[str], needed: Sequence[str] = ()) -> dict[str, str]:
+    """Return the value of each key that the words set.
 
     Args:
-        words: as typed.
-        defaults: of every key that there is; empty where there is none.
-        needed: the keys that must be typed.
+        words: the words as typed.
+        keys: the keys that there are; one that ends in a dot stands for all that begin with it.
+        needed: the keys that must be set.
 
     Raises:
-        ConfigError: a word isn't key=value, there is no such key, or one is missing.
+        ConfigError: if a word isn't key=value, there is no such key, a key is set twice, or a
+            needed one is missing.
     """
-    given = dict(defaults)
+    known, values = [*keys], dict[str, str]()
     for word in words:
         key, equals, value = word.partition("=")
-        if key not in given:
-            near = difflib.get_close_matches(key, given, n=1)
-            advice = f"did you mean {near[0]}=…?" if near else f"there is {', '.join(given)}"
-            raise ConfigError(f"{word}: {advice}")
+        if not any(key == each or (each.endswith(".") and key.startswith(each)) for each in known):
+            near = difflib.get_close_matches(key, known, n=1)
+            advice = f"did you mean {near[0]}?" if near else f"there is {', '.join(known)}"
+            raise ConfigError(f"{word}: there is no {key}; {advice}")
         if not (equals and value):
             raise ConfigError(f"{word}: must be {key}=…")
-        given[key] = value
+        if key in values:
+            raise ConfigError(f"{word}: {key} is there twice")
+        values[key] = value
     for key in needed:
-        if not given[key]:
+        if key not in values:
             raise ConfigError(f"{key}=… is missing")
-    return given
+    return values
 
 
 def whole(given: Mapping[str, str], key: str, low: int = 1) -> int:

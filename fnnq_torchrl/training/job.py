@@ -35,6 +35,7 @@ from fnnq_torchrl.training.resume.interruptions import Interrupted, Interruption
 from fnnq_torchrl.training.resume.keeper import Hand, HandsKeeper
 from fnnq_torchrl.training.resume.saved import SavedTraining
 from fnnq_torchrl.training.score import Score
+from fnnq_torchrl.training.start import with_imported_labels
 from fnnq_torchrl.training.terminal import Progress, announce, print_summary
 from fnnq_torchrl.training.trainer import Trainer
 from fnnq_torchrl.training.weights import save_checkpoint, save_snapshots
@@ -120,7 +121,10 @@ def run_batches(
         return
     several = len(batches) > 1
     prepared = [
-        Batch(with_found_labels(jobs), f"batch {number} of {len(batches)}" * several)
+        Batch(
+            with_imported_labels(with_found_labels(jobs)),
+            f"batch {number} of {len(batches)}" * several,
+        )
         for number, jobs in enumerate(batches, start=1)
     ]
     for batch in prepared:

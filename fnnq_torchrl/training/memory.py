@@ -50,6 +50,7 @@ class Sizes:
         window: the number of steps that ``trace=window`` keeps; 1 for other traces.
         lanes: the number of runs that learn at once, in all workers together.
         bytes: the bytes of one weight.
+        counted: the number of rules of each run whose firing strengths are summed.
     """
 
     runs: int
@@ -60,18 +61,20 @@ class Sizes:
     window: int
     lanes: int
     bytes: int
+    counted: int = 0
 
     @property
     def kept(self) -> int:
         """Bytes kept to the end: weights, steps and test results of all evaluations, run values."""
         of_test = 2 + self.bytes + 4  # two flags (played, success), return, length
         of_evaluation = self.weights * self.bytes + _NUMBER + self.tests * of_test + 1
-        return self.runs * (self.evaluations * of_evaluation + _COLUMNS * _NUMBER)
+        of_run = _COLUMNS * _NUMBER + self.counted * self.bytes
+        return self.runs * (self.evaluations * of_evaluation + of_run)
 
     @property
     def at_work(self) -> int:
         """Bytes for the runs that learn at once: weights, trace and the numbers of a step."""
-        of_step = self.weights * (4 + self.window) + self.candidates * _COPIES
+        of_step = self.weights * (4 + self.window) + self.candidates * _COPIES + 3 * self.counted
         return self.lanes * self.bytes * of_step + self.candidates * self.weights * self.bytes
 
     @property
@@ -96,15 +99,17 @@ def sizes_of(batch: Batch) -> Sizes:
     device = "cpu" if is_own(config.value.kind) else "meta"
     candidates = make_candidates(config, dtype, device)
     network = make_value_network(config.value, candidates, runs=1)
+    weights = dict(network.named_parameters())
     return Sizes(
         runs=runs,
         evaluations=config.situations // config.evaluation.every + 1,
         tests=config.evaluation.tests,
-        weights=sum(weight.numel() for weight in network.parameters()),
+        weights=sum(weight.numel() for weight in weights.values()),
         candidates=candidates.numel(),
         window=config.window if config.trace == "window" else 1,
         lanes=engine.workers * lanes_for(runs, engine.workers, engine.most_lanes),
         bytes=dtype.itemsize,
+        counted=weights["weight"].numel() if config.counts_firing else 0,
     )
 
 

@@ -4,14 +4,16 @@ from pathlib import Path
 
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
-from fnnq_torchrl.agent.rules import RuleBase
-from fnnq_torchrl.agent.values import FNNQValue, make_value_network
+from fnnq_torchrl.agent.rules import RuleBase, rule_bases
+from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.training.weights import load_checkpoint
 
 
 def load_rules(run: str | Path, seed: int | None = None, *, own: bool = False) -> RuleBase:
-    """Load the rules that a finished job of ``value=fnnq`` has learned.
+    """Load the rules that a finished job of ``value=fnnq`` or ``value=fnnq_sum`` has learned.
+
+    A sum of rule bases is loaded as the single rule base with the same Q.
 
     Args:
         run: the job's directory.
@@ -20,13 +22,15 @@ def load_rules(run: str | Path, seed: int | None = None, *, own: bool = False) -
 
     Raises:
         OSError: the job's checkpoint.pt can't be read.
-        ValueError: it is damaged, there is no such run, or its value function has no rules.
+        ValueError: it is damaged, there is no such run, its value function has no rules, or as in
+            :meth:`.RuleBase.from_sum`.
     """
     network = load_policy(run, seed, own=own).value_network
-    if not isinstance(network, FNNQValue):
-        raise ValueError(f"{run}: its value function has no rules; value=fnnq has")
     config = to_config(load_checkpoint(Path(run) / "checkpoint.pt").config, own=own)
-    return RuleBase.from_network(network, config.value, config.env)
+    parts = rule_bases(network, config.value, config.env)
+    if not parts:
+        raise ValueError(f"{run}: its value function has no rules; value=fnnq has")
+    return RuleBase.from_sum(parts, network.in_keys)
 
 
 def load_policy(

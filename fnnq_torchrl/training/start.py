@@ -1,19 +1,27 @@
 """The consequents that learning starts from, by the prior knowledge of ``conf/rules/``."""
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
+from envs.core.world import WorldConfig
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.imitation import imitate, read_demonstrations
 from fnnq_torchrl.agent.rules import RulesError, partition
-from fnnq_torchrl.agent.rules.prior import from_system, read_prior
+from fnnq_torchrl.agent.rules.errors import choices, shown
+from fnnq_torchrl.agent.rules.parts import Content, Definitions
+from fnnq_torchrl.agent.rules.prior import definitions_of, from_content, read_prior
+from fnnq_torchrl.agent.rules.system import fit_words
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.config.values import LabelsConfig
+from fnnq_torchrl.equations.membership_functions import Membership
+from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.policies import load_rules
 
 _SHIPPED = "rules"
@@ -49,6 +57,65 @@ class Start:
             weight.copy_(self.consequents.expand_as(weight))
 
 
+def with_imported_labels(jobs: Sequence[Job]) -> Sequence[Job]:
+    """Return the jobs of a batch, with the labels and settings of ``rules.prior``'s file, if any.
+
+    The new configurations contain them as if a user had given them. Labels that a user has given
+    stay, and so do settings that differ from the default; :func:`read_start` compares them with the
+    file's.
+
+    Raises:
+        ConfigError, OSError: as in :func:`read_start`.
+    """
+    config = imported(jobs[0].config)
+    if config is jobs[0].config:
+        return jobs
+    return [replace(job, config=replace(job.config, value=config.value)) for job in jobs]
+
+
+def imported(config: Config) -> Config:
+    """Return a job's configuration, changed as by :func:`with_imported_labels`."""
+    rules, value = config.rules, config.value
+    if rules is None or rules.prior is None:
+        return config
+    path = _find("rules.prior", rules.prior)
+    given = _of_job(path).definitions if path.is_dir() else definitions_of(path)
+    defaults = {field.name: field.default for field in fields(value)}
+    settings = {
+        name: setting
+        for name, setting in given.settings.items()
+        if getattr(value, name) == defaults[name]
+    }
+    value = replace(value, **settings)
+    if given.variables and value.as_shipped:
+        value = _with_labels(replace(value, width="sigma"), given, config.env)
+    elif value.inputs is None or value.action is None:
+        raise given.error("defines no labels, and value.inputs or value.action is null")
+    return replace(config, value=value)
+
+
+def _with_labels(value: LabelsConfig, given: Definitions, world: WorldConfig) -> LabelsConfig:
+    """Return a copy with the labels of a file, whose variables are the world's."""
+    names = [*world.observations, world.action_name]
+    known = dict(zip(fit_words(names), names, strict=True)) | {name: name for name in names}
+    labels: dict[str, list[Membership]] = {}
+    names_of = {}
+    for i, variable in enumerate(given.variables):
+        if variable.name not in known:
+            advice = choices(variable.name, names)
+            words = f"{shown(variable.name)}: {world.kind} has no such input"
+            raise given.error(f"{words}; {advice}", i)
+        if world.action_name in labels:
+            raise given.error(f"{world.action_name} must be the last of the inputs", i - 1)
+        name = known[variable.name]
+        labels[name] = [(label.kind, label.parameters) for label in variable.labels]
+        names_of[name] = fit_words(variable.names)
+    action = labels.pop(world.action_name, None)
+    if not labels:
+        raise given.error(f"expected an input among {', '.join(world.observations)}")
+    return value.found(labels, world, action, names_of)
+
+
 def read_start(config: Config) -> Start | None:
     """Read the prior knowledge that a configuration names; None if it names none.
 
@@ -59,17 +126,18 @@ def read_start(config: Config) -> Start | None:
     rules = config.rules
     if rules is None or (rules.prior is None and rules.demonstrations is None and not rules.frozen):
         return None
-    variables, t_norm = partition(config.value, config.env), config.value.t_norm
+    variables = partition(config.value, config.env)
+    settings = {"t_norm": config.value.t_norm, "elsewhere": config.value.elsewhere}
     contents = []
     consequents = torch.zeros([len(each.labels) for each in variables], dtype=torch.float64)
     if rules.prior is not None:
         path = _find("rules.prior", rules.prior)
         if path.is_dir():
             contents.append(_bytes_of_job(path))
-            consequents = from_system(load_rules(path), variables, rules.margin, str(path), t_norm)
+            consequents = from_content(_of_job(path), variables, rules.margin, **settings)
         else:
             contents.append(path.read_bytes())
-            consequents = read_prior(path, variables, rules.margin, t_norm)
+            consequents = read_prior(path, variables, rules.margin, **settings)
     learns = _learns(config, consequents)
     told = ""
     if rules.demonstrations is not None:
@@ -122,6 +190,14 @@ def _find(key: str, name: str) -> Path:
         known = sorted(each.name for each in shipped.iterdir() if each.suffix != ".yaml")
         raise RulesError(f"{key}={name}: there is no such file; shipped files: {', '.join(known)}")
     return path
+
+
+def _of_job(directory: Path) -> Content:
+    """Return the rules of a finished job, as the content of a file."""
+    _bytes_of_job(directory)
+    rules = load_rules(directory)
+    settings = {"t_norm": rules.t_norm, "elsewhere": rules.elsewhere}
+    return Content(rules, Definitions(str(directory), rules.inputs, settings))
 
 
 def _bytes_of_job(directory: Path) -> bytes:

@@ -22,7 +22,7 @@ from fnnq_torchrl.training.evaluation import GreedyTest, Playing
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.resume.ledger import Ledger
-from fnnq_torchrl.training.start import Start, read_start
+from fnnq_torchrl.training.start import Start, imported, read_start
 
 OnProgress = Callable[[int], None]
 """A function called with the number of situations done so far, over all runs."""
@@ -82,7 +82,7 @@ class Trainer:
             ConfigError: if the engine must compile, and there is no C++ compiler; or as in
                 :func:`.read_start`.
         """
-        runs = Runs.of([config])
+        config, runs = imported(config), Runs.of([config])
         return cls(config, runs, choose_engine(config, len(runs)), read_start(config))
 
     def _value_network(self, runs: int) -> ValueNetwork:

@@ -14,6 +14,7 @@ from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.files.atomic import atomic_write
 from fnnq_torchrl.training.evaluation import FIRST_EPISODE, GreedyTest
+from fnnq_torchrl.training.start import read_start
 from fnnq_torchrl.training.weights import Checkpoint
 
 Film = list[Shot]
@@ -43,7 +44,8 @@ def play(
         For each seed, the films of its situations.
 
     Raises:
-        ConfigError: if there is no run with one of the seeds.
+        ConfigError: if there is no run with one of the seeds; or as in :func:`.read_start`, for
+            the test before learning.
         TypeError: if the job's world isn't one of the robot's worlds.
     """
     known = checkpoint.seed.tolist()
@@ -54,6 +56,9 @@ def play(
     dtype = getattr(torch, config.machine.dtype)
     lanes = len(seeds) * situations
     network = make_value_network(config.value, make_candidates(config, dtype), lanes)
+    start = None if learned else read_start(config)
+    if start is not None:
+        start.put_into(network)
     rows = [known.index(seed) for seed in seeds for _ in range(situations)]
     seed = checkpoint.seed[rows].unsqueeze(-1)
     weights = network.start(seed)

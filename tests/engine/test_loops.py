@@ -423,9 +423,9 @@ def assert_learned_alike(compiled: Compiled, rtol: float, atol: float) -> None:
     assert state["weights", "weight"].abs().max() > 0.1
 
 
-@pytest.mark.parametrize("trace", ["output", "gradient"])
 @pytest.mark.parametrize(
-    ("dtype", "rtol", "atol"), [("float32", 1e-4, 1e-5), ("float64", 1e-11, 1e-13)]
+    ("dtype", "rtol", "atol", "trace"),
+    [("float32", 1e-4, 1e-5, "output"), ("float64", 1e-11, 1e-13, "gradient")],
 )
 def test_it_learns_what_the_eager_engine_learns(
     trace: str, dtype: str, rtol: float, atol: float
@@ -477,6 +477,7 @@ def test_large_networks_learn_in_loops_what_the_eager_engine_learns(overrides) -
     assert not different(one[:1], state[13:14])
 
 
+@pytest.mark.long
 def test_inductor_learns_what_the_eager_engine_learns() -> None:
     labels = "[[-0.5, 0.4], [0.5, 0.4]]"
     settings = config(

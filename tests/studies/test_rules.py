@@ -54,13 +54,69 @@ def test_a_reading(directory: Path) -> None:
     reading = read_run(job, choose(job, "1"))
     weights = load_checkpoint(directory / "checkpoint.pt").weights["weight"]
     assert torch.equal(reading.chosen.rules.consequents, weights[1].double())
-    assert reading.fired.sum().item() == pytest.approx(reading.steps)
+    [fired] = reading.fired
+    assert fired.sum().item() == pytest.approx(reading.steps)
     states, actions = reading.played.visited()
     assert torch.allclose(reading.chosen.rules.greedy(states), actions)
     mean = choose(job, "mean")
     torch.testing.assert_close(mean.rules.consequents, weights.double().mean(0))
     torch.testing.assert_close(load_rules(directory).consequents, mean.rules.consequents)
     assert str(load_rules(directory, 1)) == str(reading.chosen.rules)
+
+
+@pytest.mark.parametrize(
+    ("keys", "seed", "words"),
+    [
+        (
+            ("task=wander", "value=fnnq_sum", "env.time_limit_steps=10"),
+            "mean",
+            ["Q is the sum of", "The consequents of sonar_left_m and their spread", "± 0."],
+        ),
+        (
+            ("value.learn_memberships=true", "rules.count_firing=true", *SMALL_WORLD),
+            "1",
+            ["The labels that this run has learned", "centre before"],
+        ),
+    ],
+)
+def test_sums_and_learned_labels(
+    keys: tuple[str, ...],
+    seed: str,
+    words: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    few = ("situations=5", "num_seeds=2", "engine=eager", "checkpoint.snapshots=true")
+    run_job(load_config(*few, *keys), tmp_path)
+    capsys.readouterr()
+    job = read_job(tmp_path)
+    played = replay(job, job.seeds, job.weights, lambda each: greedy(job, each))
+    last = read_evaluations(tmp_path / "evaluations.csv")
+    assert played.returns.tolist() == pytest.approx(last.returns[:, -1].tolist(), rel=1e-5)
+    which = (f"run={tmp_path}", f"seed={seed}")
+    told = {}
+    for form in ("text", "csv"):
+        assert run(rules, monkeypatch, *which, f"format={form}") == 0
+        told[form] = capsys.readouterr().out
+    for each in words:
+        assert each in told["text"]
+    reading = read_run(job, choose(job, seed))
+    total = sum(float(each.sum()) for each in reading.fired)
+    assert total == pytest.approx(reading.steps * len(reading.fired))
+    table = [row for row in csv.DictReader(io.StringIO(told["csv"])) if row["what"] == "rule"]
+    assert len(table) == sum(part.consequents.numel() for part in reading.chosen.parts)
+    for row in table:
+        trained = float(row.get("fired_while_learning", row["fired"]))
+        assert row["hardly_trained"] == str(trained < 1)
+    (tmp_path / "p").mkdir()
+    assert run(plot, monkeypatch, *which, f"to={tmp_path / 'p'}") == 0
+    assert len([*(tmp_path / "p").iterdir()]) == 4
+    assert run(rules, monkeypatch, *which, f"export={tmp_path / 'q.json'}") == 0
+    if seed != "mean":
+        again = RuleBase.read(tmp_path / "q.json")
+        assert again.inputs == load_rules(tmp_path, int(seed)).inputs
+        assert "name one run" in str(run(rules, monkeypatch, f"run={tmp_path}", "seed=mean"))
 
 
 def test_printed(
@@ -71,7 +127,8 @@ def test_printed(
         assert run(rules, monkeypatch, f"run={directory}", "seed=1", f"format={form}") == 0
         said[form] = capsys.readouterr().out
     expected = load_rules(directory, 1).table()
-    table = [*csv.DictReader(io.StringIO(said["csv"]))]
+    every = [*csv.DictReader(io.StringIO(said["csv"]))]
+    table = [row for row in every if row["what"] == "rule"]
     assert [(row["bearing"], row["steer"]) for row in table] == [
         (row["bearing"], row["steer"]) for row in expected
     ]
@@ -79,6 +136,17 @@ def test_printed(
     assert [row["value"] for row in json.loads(said["json"])["rules"]] == [
         row["value"] for row in expected
     ]
+    controller = load_rules(directory, 1).controller()
+    switches = [float(row["bearing"]) for row in every if row["what"] == "switch"]
+    assert switches == controller.switches
+    places = ", ".join(f"{place:+.4f}" for place in controller.switches) or "none"
+    assert f"\nSwitching points of bearing: {places}\n" in said["text"]
+    stretches = [row for row in every if row["what"] == "best action"]
+    assert [float(row["steer"]) for row in stretches] == [
+        stretch.action for stretch in controller.stretches
+    ]
+    distilled = [float(row["steer"]) for row in every if row["what"] == "distilled"]
+    assert distilled == controller.distilled.consequents.tolist()
     first = (
         f"if bearing is far_right and steer is hard_left then value is {expected[0]['value']:.3f}"
     )
@@ -152,6 +220,8 @@ def test_the_page(directory: Path, tmp_path: Path) -> None:
     assert text.endswith(f"{END}after\n")
     mean = read_evaluations(directory / "evaluations.csv").catches[:, -1].mean()
     assert f"| best action | {mean:.2f}" in text
+    assert "](figures/rules.png)\n\nThe picture shows Q of seed " in text
+    assert (tmp_path / "figures" / "rules.png").stat().st_size > 0
     page.write_text("no marks")
     with pytest.raises(ValueError, match="has no lines"):
         write_faithfulness(read_job(directory), page)

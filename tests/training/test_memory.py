@@ -42,6 +42,13 @@ def test_what_is_kept_is_what_the_ledger_has() -> None:
     assert held <= sizes.kept <= 1.5 * held
 
 
+def test_counted_firing_strengths_take_memory() -> None:
+    plain = sizes_of(batch_of("num_seeds=500", "engine=eager"))
+    counting = sizes_of(batch_of("num_seeds=500", "engine=eager", "rules.count_firing=true"))
+    assert counting.kept - plain.kept == 500 * 20 * 4
+    assert counting.at_work > plain.at_work
+
+
 def test_what_a_network_of_any_size_would_have_takes_no_memory_to_say() -> None:
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     sizes = sizes_of(batch_of("action.candidates=1000000000"))

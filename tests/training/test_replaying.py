@@ -53,7 +53,7 @@ def test_it_writes_the_policys_actions(
         ("bearing\ninf\n", (), "line 2: bearing=inf: must be a number"),
         ("bearing\n", (), "there is no row"),
         ("bearing\n1\n", ("seed=9",), "has no run with seed=9; it has 0 to 1"),
-        ("bearing\n1\n", ("runs=9",), "runs=9: did you mean run=…?"),
+        ("bearing\n1\n", ("runs=9",), "runs=9: there is no runs; did you mean run?"),
     ],
 )
 def test_mistakes_are_told_in_one_line(

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from fnnq_torchrl import RuleBase, load_rules, rules
-from fnnq_torchrl.agent.rules import partition
+from fnnq_torchrl.agent.rules import Label, Variable, partition, sentences
 from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.composition import load_config
@@ -19,7 +19,7 @@ from fnnq_torchrl.training.firing import FIRING, read_firing
 from fnnq_torchrl.training.job import run_job
 from fnnq_torchrl.training.jobs import TRAINING
 from fnnq_torchrl.training.results import read_evaluations
-from fnnq_torchrl.training.start import read_start
+from fnnq_torchrl.training.start import imported, read_start
 from fnnq_torchrl.training.trainer import Trainer
 from tests.commands import fnnq_train
 from tests.programs import SMALL_WORLD, config, saved_training
@@ -149,6 +149,11 @@ def test_a_saved_count_goes_on(tmp_path: Path) -> None:
         (("rules=rough", "value=rbf"), "value.kind=rbf: must be fnnq"),
         (("rules.margin=0",), "rules.margin=0.0: must be a number in (0, inf)"),
         (("rules=rogh",), "rules=rogh: must be "),
+        (
+            ("rules.prior=other.txt", "value.inputs.bearing=[[0, 1], [1, 1]]"),
+            "other.txt:1:1: another partition: its labels of bearing are left, the network's are",
+        ),
+        (("rules.prior=other.txt", "rules.frozen=[lft]"), "did you mean left?"),
     ],
 )
 def test_mistakes_are_one_line_and_leave_nothing(
@@ -160,6 +165,10 @@ def test_mistakes_are_one_line_and_leave_nothing(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("bad.txt").write_text("\nif bearing is far_left then steer hard_lft\n")
+    Path("other.txt").write_text(
+        "input bearing\nlabel left gaussian 0 1\naction steer\nlabel right gaussian 0 1\n"
+        "if bearing is left and steer is right then value is 1\n"
+    )
     Path("rules.csv").write_text("bearing,steer\n0.5,left\n")
     assert fnnq_train(*SMALL_WORLD, *QUIET, *overrides, "hydra.run.dir=job") == 2
     told = capsys.readouterr().err
@@ -198,7 +207,7 @@ def test_a_network_of_triangles_and_minima_takes_its_like(tmp_path: Path) -> Non
     start = read_start(told)
     assert start is not None
     assert torch.equal(start.consequents, consequents)
-    with pytest.raises(ConfigError, match=r"value\.t_norm=minimum changes that"):
+    with pytest.raises(ConfigError, match=r"other\.fll:\d+:\d+: its t_norm .*=minimum changes"):
         read_start(config(triangles, f"rules.prior={path}"))
     record = tmp_path / "record.csv"
     bearings = torch.linspace(-0.9, 0.9, 19, dtype=torch.float64)
@@ -210,3 +219,58 @@ def test_a_network_of_triangles_and_minima_takes_its_like(tmp_path: Path) -> Non
     )
     assert followed is not None
     assert "in 100% of 19 steps" in followed.told
+
+
+@pytest.mark.parametrize("ending", [".txt", ".json", ".fll", ".fis"])
+def test_a_system_brings_its_labels_along(ending: str, tmp_path: Path) -> None:
+    path, directory = other_system().export(tmp_path / f"other{ending}")[0], tmp_path / "job"
+    directory.mkdir()
+    keys = ("engine=eager", f"rules.prior={path}", "rules.frozen=[low]")
+    run_job(config(*FEW, *keys), directory)
+    path.unlink()  # the job has no need of it any more
+    learned = load_rules(directory, 1)
+    assert learned.same_partition(other_system().inputs)
+    assert (learned.t_norm, learned.elsewhere) == ("minimum", "zero")
+    low = [row["value"] for row in learned.table() if row["bearing"] == "low"]
+    assert low == pytest.approx([1 / 8] * 3)
+    trainer = Trainer.of(config(*FEW, "engine=eager", f"rules.prior={directory}"))
+    assert trainer.config.value.names["bearing"] == ["low", "high"]
+    assert trainer.config.value.t_norm == "minimum"
+
+
+def other_system() -> RuleBase:
+    """Two labels of the bearing and three of the action, none of them the paper's."""
+    low, high = Label("low", "triangle", (-2.0, -1.0, 0.5)), Label("high", "sigmoid", (0.1, 9.0))
+    steer = [Label(f"a{i}", "gaussian", (i - 1.0, 0.25)) for i in range(3)]
+    inputs = (Variable("bearing", (low, high), -1, 1), Variable("steer", tuple(steer), -1, 1))
+    consequents = torch.full((2, 3), 1 / 8, dtype=torch.float64)
+    return RuleBase(inputs, "value", consequents, "minimum", "zero")
+
+
+def test_definitions_above_a_few_sentences_count(tmp_path: Path) -> None:
+    text = sentences.write(other_system()).split("\n\n")[0]
+    path = tmp_path / "few.txt"
+    path.write_text(f"{text}\nif bearing is low then steer a2\n")
+    for keys in ((), ("value.inputs=null", "value.action=null")):
+        told = imported(config(f"rules.prior={path}", *keys))
+        assert told.value.inputs["bearing"] == [{"triangle": [-2, -1, 0.5]}, {"sigmoid": [0.1, 9]}]
+        assert told.value.action == [[-1, 0.25], [0, 0.25], [1, 0.25]]
+        start = read_start(told)
+        assert start is not None
+        assert start.consequents.tolist() == [[0, 0.375, 0.5], [0, 0, 0]]
+
+
+def test_inputs_of_a_file_are_the_worlds_in_its_order(tmp_path: Path) -> None:
+    labels = (Label("near", "gaussian", (0.1, 0.2)), Label("far", "gaussian", (0.9, 0.4)))
+    names = ("sonar_right_m", "sonar_left_m", "steer")
+    inputs = tuple(Variable(name, labels) for name in names)
+    (path,) = RuleBase(inputs, "q", torch.rand(2, 2, 2)).export(tmp_path / "q.json")
+    told = imported(load_config("task=wander", f"rules.prior={path}"))
+    assert [*told.value.inputs] == [*names[:2]]
+    path.write_text(path.read_text().replace("sonar_left_m", "sonar_lft_m"))
+    with pytest.raises(ConfigError, match=r"q\.json:2\d:3: 'sonar_lft_m': .*mean sonar_left_m\?$"):
+        imported(load_config("task=wander", f"rules.prior={path}"))
+    path.write_text("if sonar_left_m is near then steer left\n")
+    path = path.rename(tmp_path / "q.txt")
+    with pytest.raises(ConfigError, match=r"defines no labels, and value\.inputs or"):
+        imported(load_config("task=wander", f"rules.prior={path}", "value.inputs=null"))

@@ -39,6 +39,14 @@ def test_the_films_are_what_was_counted(job: Path, learned: bool) -> None:
         assert sum(returns) / 5 == pytest.approx(evaluations.returns[run, at])
 
 
+def test_before_learning_a_prior_is_what_steers(tmp_path: Path) -> None:
+    run_job(load_config("rules=rough", "situations=5", "engine=eager"), tmp_path)
+    checkpoint = load_checkpoint(tmp_path / "checkpoint.pt")
+    [films] = play(to_config(checkpoint.config), checkpoint, [0], 5, learned=False)
+    caught = sum(film[-1].success for film in films)
+    assert caught == read_evaluations(tmp_path / "evaluations.csv").catches[0, 0] == 5
+
+
 def test_the_command_leaves_a_moving_picture_and_stills(
     job: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -58,7 +66,7 @@ def test_the_command_leaves_a_moving_picture_and_stills(
     [
         ((), "run=… is missing"),
         (("run=nowhere",), "nowhere"),
-        (("run=x", "seeds=1"), "seeds=1: did you mean seed=…?"),
+        (("run=x", "seeds=1"), "seeds=1: there is no seeds; did you mean seed?"),
         (("run=x", "when=now"), "when=now: must be after or before or both"),
         (("run=x", "every=0"), "every=0: must be a whole number >= 1"),
         (("run=JOB", "seed=7"), "seed=7: must be a seed of the job, 0 to 1"),

@@ -4,7 +4,7 @@ from fnnq_torchrl.agent.rules.controller import Controller
 from fnnq_torchrl.agent.rules.errors import RulesError
 from fnnq_torchrl.agent.rules.explanation import Explanation
 from fnnq_torchrl.agent.rules.partition import Label, Variable
-from fnnq_torchrl.agent.rules.rule_base import RuleBase, partition
+from fnnq_torchrl.agent.rules.rule_base import RuleBase, explain, partition, rule_bases
 from fnnq_torchrl.agent.rules.system import FuzzySystem
 
 __all__ = [
@@ -15,5 +15,7 @@ __all__ = [
     "RuleBase",
     "RulesError",
     "Variable",
+    "explain",
     "partition",
+    "rule_bases",
 ]

@@ -1,28 +1,43 @@
-"""The .fis format of MATLAB and Octave, restricted to zero-order Sugeno systems."""
+"""The .fis format of MATLAB and Octave, restricted to zero-order Sugeno systems.
+
+The format has no place for ``elsewhere`` or infinite ranges. They are written as comments such as
+``% fnnq_torchrl elsewhere zero``, which only our reader reads.
+"""
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices
 from fnnq_torchrl.agent.rules.grid import Grid
 from fnnq_torchrl.agent.rules.partition import Label, Variable
-from fnnq_torchrl.agent.rules.parts import VariableParts
+from fnnq_torchrl.agent.rules.parts import Content, Definitions, VariableParts
 from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_names, fit_words
 from fnnq_torchrl.agent.rules.tokens import Token, Tokens, number
-from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS, T_NORMS
+from fnnq_torchrl.equations.membership_functions import (
+    ELSEWHERE,
+    MEMBERSHIP_FUNCTIONS,
+    T_NORMS,
+)
 
 _KINDS = {function.fis: name for name, function in MEMBERSHIP_FUNCTIONS.items()}
 _T_NORMS = {t_norm.fis: name for name, t_norm in T_NORMS.items()}
+_OURS = "% fnnq_torchrl "
+"""The beginning of the comments that our reader reads."""
 
 
 def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
     """Return the text of a .fis file, with every number in full precision.
 
     Args:
-        system: the system to write; an infinite range is replaced by :meth:`.Variable.span`.
+        system: the system to write. Other programs see :meth:`.Variable.span` instead of an
+            infinite range.
         candidates: ignored, since the format has no place for them.
+
+    Raises:
+        RulesError: if there are gaps between the labels, where the format has no value.
     """
+    system.refuse_gaps(".fis", "")
     system = fit_names(system)
     values = [value for _, value in system.rules()]
     terms = fit_words(["_".join(label.name for label in labels) for labels, _ in system.rules()])
@@ -39,10 +54,13 @@ def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
         "ImpMethod='prod'",
         "AggMethod='sum'",
         "DefuzzMethod='wtaver'",
+        f"{_OURS}elsewhere {system.elsewhere}",
     ]
     for i, variable in enumerate(system.inputs, start=1):
         low, high = variable.span()
         lines += ["", f"[Input{i}]", f"Name='{variable.name}'", f"Range=[{low!r} {high!r}]"]
+        if (low, high) != (variable.low, variable.high):
+            lines.append(f"{_OURS}range {variable.low!r} {variable.high!r}")
         lines.append(f"NumMFs={len(variable.labels)}")
         for j, label in enumerate(variable.labels, start=1):
             function = label.function
@@ -69,14 +87,16 @@ def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
-    """Read a system; arguments, result and errors as in :func:`.sentences.read`.
+def read(text: str, file: str) -> Content:
+    """Read a system without candidates; arguments and errors as in :func:`.sentences.read`.
 
-    There are never candidates. An unsupported feature is an error that names it and its line.
+    An unsupported feature is an error that names it and its line.
     """
     parts, section = _Parts(), ""
     for line in _lines(text, file):
-        if header := re.fullmatch(r"\[\s*([A-Za-z]+)\s*([0-9]{0,4})\s*\]", line.text):
+        if line.text.startswith(_OURS):
+            _read_ours(parts, section, line)
+        elif header := re.fullmatch(r"\[\s*([A-Za-z]+)\s*([0-9]{0,4})\s*\]", line.text):
             section = header.group(1).lower()
             if section not in _SECTIONS:
                 raise line.error(choices(section, _SECTIONS))
@@ -91,12 +111,13 @@ def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
             parts.rules.append(Tokens(line.text, line.place))
         else:
             _read_key(parts, section, line)
-    return parts.finish(Place(file, max(1, text.count("\n")))), ()
+    return parts.finish(Place(file, max(1, text.count("\n"))))
 
 
 def _lines(text: str, file: str) -> Iterator[Token]:
     for i, line in enumerate(text.split("\n"), start=1):
-        content = re.split("[%#]", line, maxsplit=1)[0].rstrip() if "'" not in line else line
+        whole = "'" in line or line.startswith(_OURS)
+        content = line if whole else re.split("[%#]", line, maxsplit=1)[0].rstrip()
         if content.strip():
             yield Token(content.strip(), Place(file, i, len(content) - len(content.lstrip()) + 1))
 
@@ -115,10 +136,11 @@ class _Parts:
     inputs: list[_Part] = field(default_factory=list)
     outputs: list[_Part] = field(default_factory=list)
     rules: list[Tokens] = field(default_factory=list)
-    t_norm: str = "product"
+    settings: dict[str, str] = field(default_factory=dict)
+    places: dict[int | str, Place] = field(default_factory=dict)
     sugeno: bool = False
 
-    def finish(self, end: Place) -> FuzzySystem:
+    def finish(self, end: Place) -> Content:
         """Build the system from all parts."""
         if not self.sugeno:
             raise end.error("the file ends here; expected Type='sugeno'")
@@ -128,11 +150,9 @@ class _Parts:
         grid = Grid(variables)
         for tokens in self.rules:
             _put_rule(tokens, grid, variables, output)
-        numbers = grid.consequents(end)
-        try:
-            return FuzzySystem(tuple(variables), output.name, numbers, self.t_norm)
-        except RulesError as error:
-            raise output.place.error(str(error)) from None
+        places = self.places | {i: part.place for i, part in enumerate(self.inputs)}
+        definitions = Definitions(end.file, tuple(variables), self.settings, places)
+        return Content.build(definitions, output.name, grid.consequents(end), output.place)
 
 
 def _put_rule(tokens: Tokens, grid: Grid, variables: Sequence[Variable], output: _Part) -> None:
@@ -195,6 +215,22 @@ def _read_key(parts: _Parts, section: str, line: Token) -> None:
     return None
 
 
+def _read_ours(parts: _Parts, section: str, line: Token) -> None:
+    """Read a comment of our writer."""
+    place = replace(line.place, column=line.place.column + len(_OURS))
+    tokens = Tokens(line.text[len(_OURS) :], place)
+    key = tokens.word("elsewhere", "range")
+    if key.text == "elsewhere":
+        choice = tokens.one_of(ELSEWHERE, "choice")
+        parts.settings["elsewhere"], parts.places["elsewhere"] = choice.text, choice.place
+    elif section != "input":
+        raise key.error("expected below [Input1] or the like")
+    else:
+        part = parts.inputs[-1]
+        part.low, part.high = tokens.number(finite=False), tokens.number(finite=False)
+    tokens.end()
+
+
 def _system_key(parts: _Parts, key: str, value: Token, line: Token) -> None:
     if key == "Type":
         if _quoted(value).lower() != "sugeno":
@@ -203,7 +239,7 @@ def _system_key(parts: _Parts, key: str, value: Token, line: Token) -> None:
     elif key == "AndMethod":
         if (given := _quoted(value)) not in _T_NORMS:
             raise value.error(f"this t-norm is not read; expected {' or '.join(_T_NORMS)}")
-        parts.t_norm = _T_NORMS[given]
+        parts.settings["t_norm"], parts.places["t_norm"] = _T_NORMS[given], value.place
     elif key == "DefuzzMethod":
         if _quoted(value) != "wtaver":
             raise value.error("this defuzzifier is not read; expected 'wtaver'")

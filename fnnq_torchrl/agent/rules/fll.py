@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices
 from fnnq_torchrl.agent.rules.grid import Grid
 from fnnq_torchrl.agent.rules.partition import Label, Variable
-from fnnq_torchrl.agent.rules.parts import VariableParts
+from fnnq_torchrl.agent.rules.parts import Content, Definitions, VariableParts
 from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_names, fit_words
 from fnnq_torchrl.agent.rules.tokens import Token, Tokens
 from fnnq_torchrl.equations.membership_functions import MEMBERSHIP_FUNCTIONS, T_NORMS
@@ -30,6 +30,8 @@ def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
         candidates: ignored, since the format has no place for them.
     """
     system = fit_names(system)
+    if system.elsewhere == "nearest":
+        system.refuse_gaps(".fll", "value.elsewhere=zero")
     lines = ["Engine: fnnq_torchrl"]
     for variable in system.inputs:
         lines += [
@@ -72,10 +74,10 @@ def _numbers(numbers: Sequence[float]) -> str:
     return " ".join(map(repr, numbers))
 
 
-def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
-    """Read a system; arguments, result and errors as in :func:`.sentences.read`.
+def read(text: str, file: str) -> Content:
+    """Read a system without candidates; arguments and errors as in :func:`.sentences.read`.
 
-    There are never candidates. An unsupported feature is an error that names it and its line.
+    An unsupported feature is an error that names it and its line.
     """
     parts = _Parts()
     block: Callable[[_Parts, str, Tokens, Token], None] | None = None
@@ -86,7 +88,7 @@ def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
             raise key.error(choices(key.text, _BLOCKS))
         else:
             block(parts, key.text, tokens, key)
-    return parts.finish(Place(file, max(1, text.count("\n")))), ()
+    return parts.finish(Place(file, max(1, text.count("\n"))))
 
 
 def _lines(text: str, file: str) -> Iterator[tuple[Token, Tokens]]:
@@ -109,7 +111,6 @@ class _Part(VariableParts):
     """The parts of an input or of the output."""
 
     constants: dict[str, float] = field(default_factory=dict)
-    default: float | None = None
 
 
 @dataclass
@@ -120,9 +121,10 @@ class _Parts:
     outputs: list[_Part] = field(default_factory=list)
     rules: list[Tokens] = field(default_factory=list)
     blocks: int = 0
-    t_norm: str = "product"
+    settings: dict[str, str] = field(default_factory=dict)
+    places: dict[int | str, Place] = field(default_factory=dict)
 
-    def finish(self, end: Place) -> FuzzySystem:
+    def finish(self, end: Place) -> Content:
         """Build the system from all parts."""
         if not self.inputs or not self.outputs or not self.rules:
             raise end.error("the file ends here; expected InputVariable, OutputVariable and rules")
@@ -130,12 +132,9 @@ class _Parts:
         grid = Grid(variables)
         for tokens in self.rules:
             _put_rule(tokens, grid, variables, output)
-        numbers = grid.consequents(end)
-        elsewhere = "zero" if output.default == 0 else "nearest"
-        try:
-            return FuzzySystem(tuple(variables), output.name, numbers, self.t_norm, elsewhere)
-        except RulesError as error:
-            raise output.place.error(str(error)) from None
+        places = self.places | {i: part.place for i, part in enumerate(self.inputs)}
+        definitions = Definitions(end.file, tuple(variables), self.settings, places)
+        return Content.build(definitions, output.name, grid.consequents(end), output.place)
 
 
 def _put_rule(tokens: Tokens, grid: Grid, variables: Sequence[Variable], output: _Part) -> None:
@@ -218,7 +217,8 @@ def _output_line(parts: _Parts, key: str, tokens: Tokens, place: Token) -> None:
         default = tokens.take("a number")
         if default.text not in ("nan", "0", "0.0", "0.000"):
             raise default.error("expected nan or 0")
-        part.default = None if default.text == "nan" else 0.0
+        parts.settings["elsewhere"] = "nearest" if default.text == "nan" else "zero"
+        parts.places["elsewhere"] = default.place
         return tokens.end()
     return _variable_line(part, key, tokens, place, _OF_OUTPUTS)
 
@@ -278,7 +278,9 @@ def _rules_line(parts: _Parts, key: str, tokens: Tokens, place: Token) -> None:
     elif key == "conjunction":
         # Rules about a single input need no t-norm.
         known = [*_T_NORMS, "none"] if len(parts.inputs) == 1 else [*_T_NORMS]
-        parts.t_norm = _T_NORMS.get(tokens.one_of(known, "t-norm").text, "product")
+        token = tokens.one_of(known, "t-norm")
+        if token.text in _T_NORMS:
+            parts.settings["t_norm"], parts.places["t_norm"] = _T_NORMS[token.text], token.place
     else:
         _setting(key, tokens, place, _OF_RULES)
 

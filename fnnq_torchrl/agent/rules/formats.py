@@ -6,21 +6,20 @@ from pathlib import Path
 
 from fnnq_torchrl.agent.rules import c_source, fis, fll, graphs, json_file, sentences
 from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices
+from fnnq_torchrl.agent.rules.parts import Content
 from fnnq_torchrl.agent.rules.system import FuzzySystem
 from fnnq_torchrl.files.atomic import atomic_write
 
 MOST_BYTES = 2**22
 """The largest file that is read."""
 
-Candidates = tuple[float, ...]
-
-READERS: dict[str, Callable[[str, str], tuple[FuzzySystem, Candidates]]] = {
+READERS: dict[str, Callable[[str, str], Content]] = {
     ".fll": fll.read,
     ".fis": fis.read,
     ".json": json_file.read,
     ".txt": sentences.read,
 }
-"""The readers by ending: ``read(text, file)`` returns the system and its candidates."""
+"""The readers by ending: ``read(text, file)`` returns the content of a file."""
 
 Files = dict[str, bytes]
 """The contents of the files to write, by ending."""
@@ -64,8 +63,8 @@ WRITERS = {
 """The writers by ending."""
 
 
-def read_system(path: Path) -> tuple[FuzzySystem, Candidates]:
-    """Read a system and its candidates in the format of the file's ending.
+def read_system(path: Path) -> Content:
+    """Read a complete system in the format of the file's ending.
 
     Raises:
         OSError: if the file can't be read.

@@ -6,9 +6,11 @@ The graph of Q takes ``state`` ``[batch, states]`` and ``action`` ``[batch, 1]``
 
 import io
 import logging
+import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from importlib.util import find_spec
+from itertools import chain
 
 import torch
 from torch import Tensor, nn
@@ -116,6 +118,15 @@ def _of_greedy(system: FuzzySystem, candidates: Sequence[float], floats: bool) -
     return Greedy(value, numbers), {"state": inputs["state"]}, system.inputs[-1].name
 
 
+def free_name(name: str, taken: Set[str]) -> str:
+    """Return a name of ASCII letters, digits and _ that is like the given one, and not taken."""
+    word = re.sub("[^A-Za-z0-9_]+", "_", name).strip("_") or "output"
+    free, number = word, 2
+    while free in taken:
+        free, number = f"{word}_{number}", number + 1
+    return free
+
+
 def _export(module: nn.Module, inputs: dict[str, Tensor]) -> torch.export.ExportedProgram:
     batch = torch.export.Dim("batch")
     shapes = {name: {0: batch} for name in inputs}
@@ -147,11 +158,13 @@ def _onnx(module: nn.Module, inputs: dict[str, Tensor], output: str) -> Files:
                 exported,
                 kwargs=inputs,
                 input_names=[*inputs],
-                output_names=[output],
                 dynamo=True,
                 verbose=False,
             )
     finally:
         log.setLevel(level)
     assert program is not None  # which it is with dynamo
+    graph = program.model.graph
+    values = chain(graph.inputs, graph.initializers.values(), *(node.outputs for node in graph))
+    graph.outputs[0].name = free_name(output, {str(value.name) for value in values})
     return {".onnx": program.model_proto.SerializeToString()}

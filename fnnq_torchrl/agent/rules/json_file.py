@@ -1,15 +1,25 @@
 """Read and write rules as JSON."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from json import decoder, scanner
 from math import inf, isfinite
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 
-from fnnq_torchrl.agent.rules.errors import Place, RulesError, shown
+from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices, shown
 from fnnq_torchrl.agent.rules.partition import Label, Variable
+from fnnq_torchrl.agent.rules.parts import Content, Definitions
 from fnnq_torchrl.agent.rules.system import MOST_RULES, FuzzySystem
+from fnnq_torchrl.equations.membership_functions import (
+    ELSEWHERE,
+    MEMBERSHIP_FUNCTIONS,
+    T_NORMS,
+)
+
+_Built = TypeVar("_Built")
+_Scan = Callable[[str, int], tuple[Any, int]]
 
 FORMAT = "rules of fnnq_torchrl, 1"
 
@@ -39,55 +49,103 @@ def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=True) + "\n"
 
 
-def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
+def read(text: str, file: str) -> Content:
     """Read a system; arguments, result and errors as in :func:`.sentences.read`."""
     try:
-        content = json.loads(text)
+        root: _Node = json.loads(text, cls=_Decoder)
     except json.JSONDecodeError as error:
         raise Place(file, error.lineno, error.colno).error(error.msg) from None
     except (ValueError, RecursionError):  # ValueError: an integer with too many digits
         raise Place(file, 1).error("a number is too long, or a list too deep") from None
     try:
-        root = _Node(content, "")
-        if (given := root.get("format").text()) != FORMAT:
-            raise RulesError(f"format: {shown(given)}; expected {FORMAT!r}")
-        inputs = tuple(_variable(node) for node in root.get("inputs").items())
-        candidates = tuple(root.get("candidates").number_list())
-        if [*candidates] != sorted(set(candidates)):
-            raise RulesError("candidates: expected rising numbers")
-        shape = [len(variable.labels) for variable in inputs]
-        numbers = root.get("consequents").nested(shape)
-        system = FuzzySystem(
-            inputs,
-            root.get("output").text(),
-            torch.tensor(numbers, dtype=torch.float64).reshape(shape),
-            root.get("t_norm").text(),
-            root.get("elsewhere").text(),
+        return _content(root, text, file)
+    except _Wrong as error:
+        raise _place(text, file, error.index).error(error.message) from None
+
+
+def _content(root: "_Node", text: str, file: str) -> Content:
+    if (given := root.get("format").text()) != FORMAT:
+        raise root.get("format").error(f"{shown(given)}; expected {FORMAT!r}")
+    nodes = root.get("inputs").items()
+    variables = tuple(map(_variable, nodes))
+    candidates = tuple(root.get("candidates").number_list())
+    if [*candidates] != sorted(set(candidates)):
+        raise root.get("candidates").error("expected rising numbers")
+    shape = [len(variable.labels) for variable in variables]
+    numbers = root.get("consequents").nested(shape)
+    choices_of = {"t_norm": T_NORMS, "elsewhere": ELSEWHERE}
+    settings = {name: root.get(name).one_of(known) for name, known in choices_of.items()}
+    indices: dict[int | str, int] = {i: node.index for i, node in enumerate(nodes)}
+    indices |= {name: root.get(name).index for name in settings}
+    places = {key: _place(text, file, index) for key, index in indices.items()}
+    return Content.build(
+        Definitions(file, variables, settings, places),
+        root.get("output").text(),
+        torch.tensor(numbers, dtype=torch.float64).reshape(shape),
+        _place(text, file, root.get("inputs").index),
+        candidates,
+    )
+
+
+def _place(text: str, file: str, index: int) -> Place:
+    return Place(file, text.count("\n", 0, index) + 1, index - text.rfind("\n", 0, index))
+
+
+class _Wrong(Exception):
+    """An error at an index of the text."""
+
+    def __init__(self, index: int, message: str) -> None:
+        super().__init__(message)
+        self.index, self.message = index, message
+
+
+class _Decoder(json.JSONDecoder):
+    """A decoder that returns every value as a node, with its index in the text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+
+        def located(scan: _Scan) -> _Scan:
+            def scan_at(text: str, index: int) -> tuple[_Node, int]:
+                value, end = scan(text, index)
+                return _Node(value, index), end
+
+            return scan_at
+
+        of_object: Any = decoder.JSONObject  # type: ignore[attr-defined]
+        of_array: Any = decoder.JSONArray  # type: ignore[attr-defined]
+        self.parse_object = lambda at, strict, scan, *hooks: of_object(
+            at, strict, located(scan), *hooks
         )
-    except RulesError as error:
-        raise RulesError(f"{file}: {error}") from None
-    return system, candidates
+        self.parse_array = lambda at, scan, *hooks: of_array(at, located(scan), *hooks)
+        # The scanner in C would not call these two.
+        self.scan_once = located(scanner.py_make_scanner(self))  # type: ignore[attr-defined]
 
 
 class _Node:
-    """A value in the file and its path, such as ``inputs[0].labels``."""
+    """A value in the file, its index in the text, and its path, such as ``inputs[0].labels``."""
 
-    def __init__(self, value: Any, path: str) -> None:
-        self._value, self._path = value, path
+    __slots__ = ("_path", "_value", "index")
+
+    def __init__(self, value: Any, index: int, path: str = "") -> None:
+        self._value, self.index, self._path = value, index, path
 
     def get(self, key: str) -> "_Node":
         if not isinstance(self._value, dict) or key not in self._value:
-            raise RulesError(f"{self._path or 'the file'}: expected a mapping with {key!r}")
-        return _Node(self._value[key], f"{self._path}.{key}".lstrip("."))
+            raise self.error(f"expected a mapping with {key!r}")
+        return self._value[key]._at(f"{self._path}.{key}".lstrip("."))
 
     def items(self) -> list["_Node"]:
         if not isinstance(self._value, list) or len(self._value) > MOST_RULES:
-            raise self._error("a list")
-        return [_Node(each, f"{self._path}[{i}]") for i, each in enumerate(self._value)]
+            raise self._misfit("a list")
+        return [each._at(f"{self._path}[{i}]") for i, each in enumerate(self._value)]
+
+    def _at(self, path: str) -> "_Node":
+        return _Node(self._value, self.index, path)
 
     def text(self) -> str:
         if not isinstance(self._value, str) or not 1 <= len(self._value) <= 200:
-            raise self._error("a text of 1 to 200 letters")
+            raise self._misfit("a text of 1 to 200 letters")
         return self._value
 
     def number(self) -> float:
@@ -97,7 +155,7 @@ class _Node:
                 return float(self._value)
         except OverflowError:
             pass
-        raise self._error("a finite number")
+        raise self._misfit("a finite number")
 
     def number_list(self) -> list[float]:
         return [node.number() for node in self.items()]
@@ -111,27 +169,39 @@ class _Node:
             return [self.number()]
         nodes = self.items()
         if len(nodes) != shape[0]:
-            raise self._error(f"{shape[0]} entries, one for each label")
+            raise self._misfit(f"{shape[0]} entries, one for each label")
         return [number for node in nodes for number in node.nested(shape[1:])]
 
-    def _error(self, expected: str) -> RulesError:
+    def one_of(self, names: Iterable[str]) -> str:
+        if (given := self.text()) not in names:
+            raise self.error(f"{shown(given)}: {choices(given, names)}")
+        return given
+
+    def build(self, kind: Callable[..., _Built], *parts: Any) -> _Built:
+        """Build a label or a variable from its parts; an error is one of this node."""
+        try:
+            return kind(*parts)
+        except RulesError as error:
+            raise self.error(str(error)) from None
+
+    def error(self, message: str) -> _Wrong:
+        return _Wrong(self.index, f"{self._path or 'the file'}: {message}")
+
+    def _misfit(self, expected: str) -> _Wrong:
         kind = type(self._value).__name__
         given = shown(self._value) if isinstance(self._value, str | int | float) else kind
-        return RulesError(f"{self._path}: {given}; expected {expected}")
+        return self.error(f"{given}; expected {expected}")
 
 
 def _variable(node: _Node) -> Variable:
     labels = tuple(
-        Label(
+        each.build(
+            Label,
             each.get("name").text(),
-            each.get("kind").text(),
+            each.get("kind").one_of(MEMBERSHIP_FUNCTIONS),
             tuple(each.get("parameters").number_list()),
         )
         for each in node.get("labels").items()
     )
-    return Variable(
-        node.get("name").text(),
-        labels,
-        node.get("low").bound(-inf),
-        node.get("high").bound(inf),
-    )
+    low, high = node.get("low").bound(-inf), node.get("high").bound(inf)
+    return node.build(Variable, node.get("name").text(), labels, low, high)

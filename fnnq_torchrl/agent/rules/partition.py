@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isnan
+from itertools import pairwise
+from math import inf, isinf, isnan
 
 import torch
 from torch import Tensor
@@ -40,6 +41,11 @@ class Label:
     def function(self) -> MembershipFunction:
         """The label's membership function."""
         return MEMBERSHIP_FUNCTIONS[self.kind]
+
+    @property
+    def words(self) -> str:
+        """The kind and the parameters for messages, such as ``gaussian -0.5 0.4``."""
+        return f"{self.kind} {' '.join(f'{number:g}' for number in self.parameters)}"
 
 
 @dataclass(frozen=True)
@@ -86,19 +92,31 @@ class Variable:
         labels = [(label.kind, [*map(x.new_tensor, label.parameters)]) for label in self.labels]
         return log_degrees(x, labels, elsewhere)
 
-    def gaps(self, points: int = 10_001) -> list[tuple[float, float]]:
-        """Find the parts of the range where no label fires, on a grid.
-
-        Args:
-            points: the number of grid points over :meth:`span`.
+    def gaps(self) -> list[tuple[float, float]]:
+        """Find the parts of the range where no label fires.
 
         Returns:
-            The first and the last grid point of each part.
+            The ends of each part, which are equal if it is a single number.
         """
-        span = self.span()
-        x = torch.linspace(*span, points, dtype=torch.float64)
-        silent = (self.log_degrees(x) == -inf).all(0)
-        return _stretches(x.tolist(), silent.tolist())
+        if not all(label.function.compact for label in self.labels):
+            return []
+        ends = [end for label in self.labels for end in label.function.support(label.parameters)]
+        inside = sorted({end for end in ends if self.low < end < self.high})
+        # A label fires either at all numbers or at none between two neighbours of these.
+        points = [self.low, *inside, self.high]
+        between = [_middle(low, high) for low, high in pairwise(points)]
+        x = torch.tensor([*points, *between], dtype=torch.float64)
+        silent = (self.log_degrees(x) == -inf).all(0).tolist()
+        found: list[tuple[float, float]] = []
+        for i, point in enumerate(points):
+            if i > 0 and silent[len(points) + i - 1]:
+                begin = points[i - 1]
+                if found and found[-1][1] == begin:
+                    begin = found.pop()[0]
+                found.append((begin, point))
+            elif silent[i]:
+                found.append((point, point))
+        return found
 
     def span(self) -> tuple[float, float]:
         """Return the range; an infinite end becomes the outermost label's middle plus a margin."""
@@ -119,12 +137,8 @@ def repeated(names: Sequence[str]) -> str | None:
     return None
 
 
-def _stretches(x: Sequence[float], marked: Sequence[bool]) -> list[tuple[float, float]]:
-    """Return the first and the last number of each unbroken stretch of marked numbers."""
-    found: list[tuple[float, float]] = []
-    for i, (number, mark) in enumerate(zip(x, marked, strict=True)):
-        if mark and i > 0 and marked[i - 1]:
-            found[-1] = (found[-1][0], number)
-        elif mark:
-            found.append((number, number))
-    return found
+def _middle(low: float, high: float) -> float:
+    """Return a number between two numbers, which may be infinite."""
+    if isinf(low):
+        return 0.0 if isinf(high) else high - 1
+    return low + 1 if isinf(high) else (low + high) / 2

@@ -2,20 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor
 
-from fnnq_torchrl.agent.rules.errors import RulesError
 from fnnq_torchrl.agent.rules.formats import read_system, read_text
 from fnnq_torchrl.agent.rules.partition import Variable
-from fnnq_torchrl.agent.rules.sentences import read_knowledge
-from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_words
+from fnnq_torchrl.agent.rules.parts import Content, Definitions
+from fnnq_torchrl.agent.rules.sentences import read_definitions, read_knowledge
+from fnnq_torchrl.agent.rules.system import fit_words
 
 
 def read_prior(
-    path: Path, variables: Sequence[Variable], margin: float, t_norm: str = "product"
+    path: Path,
+    variables: Sequence[Variable],
+    margin: float,
+    t_norm: str = "product",
+    elsewhere: str = "nearest",
 ) -> Tensor:
     """Read a network's initial consequents from a file of rules.
 
@@ -27,7 +30,7 @@ def read_prior(
         path: the file.
         variables: the network's state inputs and, last, the action.
         margin: the value of the right action, as in :func:`preferences`.
-        t_norm: the network's t-norm.
+        t_norm, elsewhere: the network's settings.
 
     Returns:
         float64 ``[labels of input 1, …, action labels]``; 0 for rules that the file doesn't give.
@@ -35,53 +38,61 @@ def read_prior(
     Raises:
         OSError: if the file can't be read.
         RulesError: if the ending is unknown, the file has a mistake, or its labels differ from the
-            network's.
+            network's; the message gives the place.
     """
     if path.suffix.lower() == ".txt":
-        known = read_knowledge(read_text(path), str(path), variables, t_norm)
+        known = read_knowledge(read_text(path), str(path), variables, t_norm, elsewhere)
         consequents = preferences(variables, known.actions, margin)
         for labels, value in known.values.items():
             consequents[labels] = value
         return consequents
-    return from_system(read_system(path)[0], variables, margin, str(path), t_norm)
+    return from_content(read_system(path), variables, margin, t_norm, elsewhere)
 
 
-def from_system(
-    system: FuzzySystem,
+def from_content(
+    content: Content,
     variables: Sequence[Variable],
     margin: float,
-    name: str,
     t_norm: str = "product",
+    elsewhere: str = "nearest",
 ) -> Tensor:
     """Return a network's initial consequents from a complete rule base or controller.
 
     Args:
-        system: Q, with the action as its last input, or a controller, with it as the output.
-        variables, margin: as in :func:`read_prior`.
-        name: the system's origin, for messages.
-        t_norm: the network's t-norm.
+        content: Q, with the action as its last input, or a controller, with it as the output.
+        variables, margin, t_norm, elsewhere: as in :func:`read_prior`.
 
     Returns:
         float64 ``[labels of input 1, …, action labels]``.
 
     Raises:
-        RulesError: if its inputs, labels, memberships or t-norm differ from the network's.
+        RulesError: if its inputs, labels, memberships or settings differ from the network's.
     """
-    *states, action = variables
-    if system.t_norm != t_norm:
-        raise RulesError(
-            f"{name}: its t-norm is {system.t_norm}, the network's is {t_norm}; "
-            f"value.t_norm={system.t_norm} changes that"
-        )
-    if _same(system, variables):
+    content.definitions.check(variables, t_norm, elsewhere)
+    system, action = content.system, variables[-1]
+    if len(system.inputs) == len(variables):
         return system.consequents.clone()
-    if fit_words([system.output]) == fit_words([action.name]) and _same(system, states):
-        actions = {
-            tuple(labels): float(system.consequents[tuple(labels)])
-            for labels in _places(system.consequents)
-        }
-        return preferences(variables, actions, margin)
-    raise RulesError(f"{name}: {_difference(system, variables)}")
+    if fit_words([system.output]) != fit_words([action.name]):
+        raise content.definitions.error(
+            f"its output is {system.output}; expected {action.name}, or {action.name} as its last "
+            "input"
+        )
+    actions = {
+        tuple(labels): float(system.consequents[tuple(labels)])
+        for labels in torch.ones_like(system.consequents).nonzero().tolist()
+    }
+    return preferences(variables, actions, margin)
+
+
+def definitions_of(path: Path) -> Definitions:
+    """Read the variables and settings that a file of rules defines.
+
+    Raises:
+        OSError, RulesError: as in :func:`read_prior`.
+    """
+    if path.suffix.lower() == ".txt":
+        return read_definitions(read_text(path), str(path))
+    return read_system(path).definitions
 
 
 def preferences(
@@ -111,41 +122,3 @@ def preferences(
     for labels, action in actions.items():
         values[labels] = margin * (1 - ((middles - action) / span) ** 2)
     return values
-
-
-def _places(consequents: Tensor) -> list[list[int]]:
-    found: list[list[int]] = torch.ones_like(consequents).nonzero().tolist()
-    return found
-
-
-def _same(system: FuzzySystem, variables: Sequence[Variable]) -> bool:
-    """Return whether a system has these inputs; names are compared after :func:`.fit_words`."""
-    return _fitted(system.inputs) == _fitted(variables)
-
-
-def _fitted(variables: Sequence[Variable]) -> list[Any]:
-    names = fit_words([variable.name for variable in variables])
-    memberships = [
-        [(label.kind, label.parameters) for label in variable.labels] for variable in variables
-    ]
-    labels = [fit_words(variable.names) for variable in variables]
-    return [*zip(names, labels, memberships, strict=True)]
-
-
-def _difference(system: FuzzySystem, variables: Sequence[Variable]) -> str:
-    """Return a message: how a system's inputs differ from a network's, and the remedy."""
-    ours, theirs = ([each.name for each in of] for of in (variables, system.inputs))
-    if ours != theirs:
-        return f"its inputs are {', '.join(theirs)}, the network's are {', '.join(ours)}"
-    for own, other in zip(variables, system.inputs, strict=True):
-        if own.names != other.names:
-            return (
-                f"its labels of {own.name} are {', '.join(other.names)}, the network's are "
-                f"{', '.join(own.names)}; value.names.{own.name}=[{','.join(other.names)}] renames"
-            )
-        if own.labels != other.labels:
-            break
-    return (
-        f"another partition: its memberships of {own.name} aren't the network's, which "
-        "value.inputs=… and value.action=… set"
-    )

@@ -1,9 +1,9 @@
 """A fuzzy Q-function as a rule base."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Self, cast
 
 import torch
 from torch import Tensor
@@ -14,8 +14,8 @@ from fnnq_torchrl.agent.rules.errors import RulesError
 from fnnq_torchrl.agent.rules.explanation import Explanation
 from fnnq_torchrl.agent.rules.formats import export_controller, export_system, read_system
 from fnnq_torchrl.agent.rules.partition import Label, Variable
-from fnnq_torchrl.agent.rules.system import FuzzySystem, observed
-from fnnq_torchrl.agent.values import FNNQValue
+from fnnq_torchrl.agent.rules.system import FuzzySystem, check_size, observed
+from fnnq_torchrl.agent.values import FNNQSumValue, FNNQValue, ValueNetwork
 from fnnq_torchrl.config.values import LabelsConfig
 from fnnq_torchrl.equations.membership_functions import Membership, membership_of
 
@@ -81,6 +81,42 @@ class RuleBase(FuzzySystem):
         )
 
     @classmethod
+    def from_sum(cls, parts: Sequence["RuleBase"], names: Sequence[str]) -> "RuleBase":
+        """Return the single rule base whose Q is the sum of several rule bases' Q.
+
+        It has a rule for every combination of the labels of all inputs, whose consequent is the sum
+        of the parts' consequents for these labels. With the product t-norm the parts' normalised
+        firing strengths factor, so the sum is exact.
+
+        Args:
+            parts: rule bases about the same action; equal inputs have equal labels.
+            names: the names of all state inputs, in the wanted order.
+
+        Raises:
+            RulesError: if there would be too many rules, or no single rule base has the same sum.
+        """
+        first, *others = parts
+        if not others:
+            return first
+        states = {variable.name: variable for part in parts for variable in part.states}
+        inputs = (*(states[name] for name in names), first.action)
+        zero = first.elsewhere == "zero" and any(variable.gaps() for variable in inputs)
+        if zero or any(part.t_norm != "product" for part in parts):
+            raise RulesError(
+                "the sum of these rule bases is no single rule base: that needs t_norm=product "
+                "and, for labels with gaps, elsewhere=nearest"
+            )
+        shape = [len(variable.labels) for variable in inputs]
+        check_size(shape)
+        consequents = torch.zeros(shape, dtype=torch.float64)
+        for part in parts:
+            axes = [inputs.index(variable) for variable in part.inputs]
+            rising = sorted(range(len(axes)), key=axes.__getitem__)
+            sizes = [size if axis in axes else 1 for axis, size in enumerate(shape)]
+            consequents += part.consequents.permute(rising).reshape(sizes)
+        return cls(inputs, first.output, consequents, "product", first.elsewhere, first.candidates)
+
+    @classmethod
     def read(cls, path: str | Path) -> Self:
         """Read a .fll, .fis, .json or .txt file whose last input is the action.
 
@@ -88,8 +124,8 @@ class RuleBase(FuzzySystem):
             OSError: if the file can't be read.
             RulesError: if it has a mistake; the message gives the place.
         """
-        system, candidates = read_system(Path(path))
-        return cls.from_system(system, candidates)
+        content = read_system(Path(path))
+        return cls.from_system(content.system, content.candidates)
 
     def to_network(self, runs: int = 1, dtype: torch.dtype = torch.float32) -> FNNQValue:
         """Return a network with these rules; all its runs have the same consequents."""
@@ -166,19 +202,7 @@ class RuleBase(FuzzySystem):
         Raises:
             RulesError: if a state input is missing or a name is unknown.
         """
-        state = observed(self.states, observation)
-        values = self.action_values(state)
-        points = torch.cat(
-            [state.expand(len(values), -1), values.new_tensor(self.candidates).unsqueeze(-1)], -1
-        )
-        return Explanation(
-            dict(observation),
-            self.action.name,
-            [self.premise(labels) for labels, _ in self.rules()],
-            self.consequents.flatten(),
-            values.new_tensor(self.candidates),
-            self.firing(points).flatten(1),
-        )
+        return explain([self], observation)
 
     def export(
         self, path: str | Path, *, controller: str | None = None, floats: bool = False
@@ -206,6 +230,54 @@ class RuleBase(FuzzySystem):
         if controller is not None:
             raise RulesError(f"controller={controller}: must be full or distilled")
         return export_system(path, self, self.candidates, floats=floats)
+
+
+def explain(parts: Sequence[RuleBase], observation: Mapping[str, float]) -> Explanation:
+    """Explain the greedy action of a sum of rule bases by the rules that fire.
+
+    Args:
+        parts: the rule bases, with the same candidates.
+        observation: a number for each state input by name.
+
+    Raises:
+        RulesError: if a state input is missing or a name is unknown.
+    """
+    states = {variable.name: variable for part in parts for variable in part.states}
+    observed([*states.values()], observation)
+    candidates = torch.tensor(parts[0].candidates, dtype=torch.float64)
+    premises, firing = [], []
+    for part in parts:
+        state = torch.tensor([observation[each.name] for each in part.states]).double()
+        points = torch.cat([state.expand(len(candidates), -1), candidates.unsqueeze(-1)], -1)
+        premises += [part.premise(labels) for labels, _ in part.rules()]
+        firing.append(part.firing(points).flatten(1))
+    return Explanation(
+        dict(observation),
+        parts[0].action.name,
+        premises,
+        torch.cat([part.consequents.flatten() for part in parts]),
+        candidates,
+        torch.cat(firing, dim=-1),
+    )
+
+
+def rule_bases(
+    network: ValueNetwork, config: LabelsConfig, world: WorldConfig, run: int | None = None
+) -> tuple[RuleBase, ...]:
+    """Return the rule bases of a network: several for a sum of rule bases, none without rules.
+
+    Args:
+        network, config, world, run: as in :meth:`RuleBase.from_network`.
+    """
+    if isinstance(network, FNNQValue):
+        return (RuleBase.from_network(network, config, world, run),)
+    if not isinstance(network, FNNQSumValue):
+        return ()
+    parts = []
+    for part in cast(Iterable[FNNQValue], network.parts):
+        of_part = replace(config, inputs={name: config.inputs[name] for name in part.in_keys})
+        parts.append(RuleBase.from_network(part, of_part, world, run))
+    return tuple(parts)
 
 
 def partition(

@@ -22,12 +22,12 @@ and the rules, either for values or from state to action::
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from math import inf
 
 from fnnq_torchrl.agent.rules.errors import Place, RulesError, choices
 from fnnq_torchrl.agent.rules.grid import Grid
 from fnnq_torchrl.agent.rules.partition import Label, Variable
-from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_names
+from fnnq_torchrl.agent.rules.parts import Content, Definitions, VariableParts
+from fnnq_torchrl.agent.rules.system import FuzzySystem, fit_inputs, fit_names
 from fnnq_torchrl.agent.rules.tokens import Token, Tokens
 from fnnq_torchrl.equations.membership_functions import (
     ELSEWHERE,
@@ -59,23 +59,21 @@ def write(system: FuzzySystem, candidates: Sequence[float] = ()) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
+def read(text: str, file: str) -> Content:
     """Read a complete system: definitions, and a rule for every combination of labels.
 
     Args:
         text: the file's text.
         file: the file's name, for messages.
 
-    Returns:
-        The system, and its candidates, which may be empty.
-
     Raises:
         RulesError: if the text has a mistake; the message gives the place.
     """
-    definitions, rules = _read_definitions(text, file)
-    if not definitions.variables:
+    lines, rules = _read_lines(text, file)
+    definitions = lines.finish(file)
+    variables = definitions.variables
+    if not variables:
         raise Place(file, 1).error("expected input NAME from NUMBER to NUMBER")
-    variables = definitions.finish()
     end = Place(file, max(1, text.count("\n")))
     grid, output = Grid(variables), ""
     for tokens in rules:
@@ -88,11 +86,16 @@ def read(text: str, file: str) -> tuple[FuzzySystem, tuple[float, ...]]:
     if not output:
         raise end.error("expected rules: if ... then ...")
     numbers = grid.consequents(end)
-    try:
-        system = FuzzySystem(variables, output, numbers, definitions.t_norm, definitions.elsewhere)
-    except RulesError as error:
-        raise Place(file, 1).error(str(error)) from None
-    return system, definitions.candidates
+    return Content.build(definitions, output, numbers, Place(file, 1), lines.candidates)
+
+
+def read_definitions(text: str, file: str) -> Definitions:
+    """Read the definitions of a file that may lack some or all of them; otherwise as :func:`read`.
+
+    Raises:
+        RulesError: if a definition has a mistake; the message gives the place.
+    """
+    return _read_lines(text, file)[0].finish(file)
 
 
 @dataclass(frozen=True)
@@ -111,33 +114,27 @@ class Knowledge:
 
 
 def read_knowledge(
-    text: str, file: str, variables: Sequence[Variable], t_norm: str = "product"
+    text: str,
+    file: str,
+    variables: Sequence[Variable],
+    t_norm: str = "product",
+    elsewhere: str = "nearest",
 ) -> Knowledge:
     """Read any number of rules, for values and from state to action, about known variables.
 
     Args:
-        text: the file's text; its definitions, if any, must agree with ``variables``.
+        text: the file's text; its definitions, if any, must agree with the network's.
         file: the file's name, for messages.
-        variables: the state inputs and, last, the action.
-        t_norm: the network's t-norm.
+        variables: the network's state inputs and, last, the action.
+        t_norm, elsewhere: the network's settings.
 
     Raises:
         RulesError: if a word is unknown, two rules have the same labels, or the definitions differ;
             the message gives the place.
     """
-    definitions, rules = _read_definitions(text, file)
-    if definitions.variables:
-        given, wanted = definitions.finish(), [(each.name, each.labels) for each in variables]
-        for place, variable, (name, labels) in zip(definitions.places, given, wanted, strict=False):
-            if (variable.name, variable.labels) != (name, labels):
-                raise place.error(f"another partition than the network's, whose {name} differs")
-        # A distilled controller's file has no action among its inputs.
-        if len(given) not in (len(wanted), len(wanted) - 1):
-            raise definitions.places[-1].error("another partition, with other variables")
-        if definitions.t_norm != t_norm:
-            raise Place(file, 1).error(
-                f"its t_norm is {definitions.t_norm}, the network's {t_norm}"
-            )
+    lines, rules = _read_lines(text, file)
+    lines.finish(file).check(variables, t_norm, elsewhere)
+    variables = fit_inputs(variables)
     *states, action = variables
     values, actions = Grid(variables), Grid(states)
     for tokens in rules:
@@ -220,28 +217,20 @@ class _Words:
 class _Definitions:
     """The definitions read so far."""
 
-    variables: list[tuple[str, float, float]] = field(default_factory=list)
-    labels: list[list[Label]] = field(default_factory=list)
-    places: list[Place] = field(default_factory=list)
+    variables: list[VariableParts] = field(default_factory=list)
     candidates: tuple[float, ...] = ()
-    t_norm: str = "product"
-    elsewhere: str = "nearest"
+    settings: dict[str, str] = field(default_factory=dict)
+    places: dict[int | str, Place] = field(default_factory=dict)
     action: bool = False
 
-    def finish(self) -> tuple[Variable, ...]:
+    def finish(self, file: str) -> Definitions:
         """Build the variables from all definitions."""
-        found = []
-        for (name, low, high), labels, place in zip(
-            self.variables, self.labels, self.places, strict=True
-        ):
-            try:
-                found.append(Variable(name, tuple(labels), low, high))
-            except RulesError as error:
-                raise place.error(str(error)) from None
-        return tuple(found)
+        variables = tuple(parts.variable() for parts in self.variables)
+        places = self.places | {i: parts.place for i, parts in enumerate(self.variables)}
+        return Definitions(file, variables, self.settings, places)
 
 
-def _read_definitions(text: str, file: str) -> tuple[_Definitions, list[Tokens]]:
+def _read_lines(text: str, file: str) -> tuple[_Definitions, list[Tokens]]:
     """Read the definitions; return them and the lines of the rules, which must come after them."""
     definitions, rules = _Definitions(), []
     for tokens in _lines(text, file):
@@ -269,28 +258,26 @@ def _variable(definitions: _Definitions, tokens: Tokens, first: Token) -> None:
     if definitions.action:
         raise first.error("the action is the last of the inputs")
     definitions.action = first.text.lower() == "action"
-    name = tokens.take("a name").text
-    low, high = -inf, inf
+    variable = VariableParts(tokens.take("a name").text, first.place)
     if tokens.peek():
         tokens.word("from")
-        low = tokens.number(finite=False)
+        variable.low = tokens.number(finite=False)
         tokens.word("to")
-        high = tokens.number(finite=False)
-    definitions.variables.append((name, low, high))
-    definitions.labels.append([])
-    definitions.places.append(first.place)
+        variable.high = tokens.number(finite=False)
+    definitions.variables.append(variable)
 
 
 def _label(definitions: _Definitions, tokens: Tokens, first: Token) -> None:
     if not definitions.variables:
         raise first.error("expected input: a label belongs to the input above it")
+    labels = definitions.variables[-1].labels
     name = tokens.take("a name").text
     kind = tokens.one_of(MEMBERSHIP_FUNCTIONS, "membership function").text
     numbers = tokens.numbers()
-    if len(definitions.labels[-1]) == _MOST_LABELS:
+    if len(labels) == _MOST_LABELS:
         raise first.error(f"at most {_MOST_LABELS:,} labels are read")
     try:
-        definitions.labels[-1].append(Label(name, kind, tuple(numbers)))
+        labels.append(Label(name, kind, tuple(numbers)))
     except RulesError as error:
         raise first.place.error(str(error)) from None
 
@@ -302,12 +289,11 @@ def _candidates(definitions: _Definitions, tokens: Tokens, first: Token) -> None
     definitions.candidates = tuple(numbers)
 
 
-def _t_norm(definitions: _Definitions, tokens: Tokens, first: Token) -> None:
-    definitions.t_norm = tokens.one_of(T_NORMS, "t-norm").text
-
-
-def _elsewhere(definitions: _Definitions, tokens: Tokens, first: Token) -> None:
-    definitions.elsewhere = tokens.one_of(ELSEWHERE, "choice").text
+def _setting(definitions: _Definitions, tokens: Tokens, first: Token) -> None:
+    name = first.text.lower()
+    known, what = {"t_norm": (T_NORMS, "t-norm"), "elsewhere": (ELSEWHERE, "choice")}[name]
+    definitions.settings[name] = tokens.one_of(known, what).text
+    definitions.places[name] = first.place
 
 
 _DEFINE = {
@@ -315,6 +301,6 @@ _DEFINE = {
     "action": _variable,
     "label": _label,
     "candidates": _candidates,
-    "t_norm": _t_norm,
-    "elsewhere": _elsewhere,
+    "t_norm": _setting,
+    "elsewhere": _setting,
 }

@@ -153,6 +153,25 @@ class FuzzySystem:
             (each.name, each.labels) for each in inputs
         ]
 
+    def refuse_gaps(self, ending: str, able: str) -> None:
+        """Refuse a format that can't express what happens where no label fires.
+
+        Args:
+            ending: the format's ending.
+            able: the setting with which the format can, if any.
+
+        Raises:
+            RulesError: if an input has gaps between its labels.
+        """
+        for variable in self.inputs:
+            for low, high in variable.gaps():
+                where = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+                others = ".c, .onnx, .pt2, .json and .txt can"
+                raise RulesError(
+                    f"{ending} can't say what fires at {variable.name} {where}, where no label "
+                    f"does: wider labels are needed{f', or {able}' if able else ''}; {others}"
+                )
+
     def __str__(self) -> str:
         return "\n".join(
             f"if {self.premise(labels)} then {self.output} is {value:.3g}"
@@ -184,8 +203,15 @@ def check_size(shape: Sequence[int]) -> None:
 
 def fit_names(system: FuzzySystem) -> FuzzySystem:
     """Rename variables and labels by :func:`fit_words`, so that every format accepts them."""
-    *names, output = fit_words([*(variable.name for variable in system.inputs), system.output])
-    inputs = [
+    inputs = fit_inputs(system.inputs)
+    output = fit_words([*(variable.name for variable in inputs), system.output])[-1]
+    return FuzzySystem(inputs, output, system.consequents, system.t_norm, system.elsewhere)
+
+
+def fit_inputs(variables: Sequence[Variable]) -> tuple[Variable, ...]:
+    """Return variables with the names that :func:`fit_names` gives them and their labels."""
+    names = fit_words([variable.name for variable in variables])
+    return tuple(
         Variable(
             name,
             tuple(
@@ -195,9 +221,8 @@ def fit_names(system: FuzzySystem) -> FuzzySystem:
             variable.low,
             variable.high,
         )
-        for name, variable in zip(names, system.inputs, strict=True)
-    ]
-    return FuzzySystem(tuple(inputs), output, system.consequents, system.t_norm, system.elsewhere)
+        for name, variable in zip(names, variables, strict=True)
+    )
 
 
 _KEYWORDS = {

@@ -28,7 +28,7 @@ def main() -> None:
         sys.stdout.write(__doc__ or "")
         return
     try:
-        _run(parse(sys.argv[1:], _DEFAULTS, ["run"]))
+        _run(_DEFAULTS | parse(sys.argv[1:], _DEFAULTS, ["run"]))
     except (ConfigError, OSError, ValueError) as error:
         sys.stderr.write(f"{' '.join(str(error).split())}\n")
         sys.exit(2)

@@ -37,8 +37,10 @@ python -m fnnq_torchrl.rules run=outputs/an_earlier_job record=FILE.csv
 * A file has rules of values, `if bearing is far_left and steer is hard_left then value is 0.5`, or
   rules of actions, `if bearing is far_left then steer hard_left`, and need not have all of them
   (`.txt`). Or it has a whole rule base or a distilled controller, as `export=` writes it (`.txt`,
-  `.json`, `.fll`, `.fis`). Labels and t-norm must be the network's, which `value.inputs`,
-  `value.action` and `value.t_norm` set. Rules that the file leaves out start at 0.
+  `.json`, `.fll`, `.fis`). Rules that the file leaves out start at 0.
+* A file that defines labels brings them along: the network gets its inputs, labels, t-norm and
+  `elsewhere`, and the finished job doesn't need the file. But labels that you have set
+  (`value.inputs`, `value.action`, `value.names`) stay, and the file's must then be the same.
 * A rule of an action becomes values. If it says a\\* for a state, the value rule of that state and
   the action label at a starts at margin · (1 − ((a − a\\*)/d)²), where d is the distance between
   the outermost labels: the margin (`rules.margin`) for a\\*, 0 at the far end. Between the states

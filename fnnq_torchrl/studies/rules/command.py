@@ -1,4 +1,4 @@
-"""Print, explain and export the rules that a job has learned.
+"""Print, explain and export the rules that a job of value=fnnq or value=fnnq_sum has learned.
 
     python -m fnnq_torchrl.rules run=DIR                       # the rules and the controller
     python -m fnnq_torchrl.rules run=DIR explain.bearing=0.3   # why it takes its action
@@ -12,7 +12,7 @@ classes. page=FILE.md compares the learned and the distilled controllers of all 
 
 from pathlib import Path
 
-from fnnq_torchrl.agent.rules import RulesError
+from fnnq_torchrl.agent.rules import RulesError, explain
 from fnnq_torchrl.agent.rules.errors import choices, shown
 from fnnq_torchrl.launch.arguments import one_line_errors, read_words
 from fnnq_torchrl.studies.rules.job import BEST, Chosen, Job, choose, read_job
@@ -62,7 +62,7 @@ def _run(words: dict[str, str]) -> None:
     if "picture" in words and not observation:
         raise RulesError(f"picture={words['picture']}: needs explain.…=NUMBER")
     if observation:
-        explanation = chosen.rules.explain(observation)
+        explanation = explain(chosen.parts, observation)
         picture = Path(words.get("picture", job.directory / "explanation.png"))
         draw_explanation(explanation, picture)
         say(str(explanation))

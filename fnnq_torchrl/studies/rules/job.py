@@ -1,14 +1,15 @@
-"""Finished jobs with ``value=fnnq``, and the choice of a run whose rules are read."""
+"""Finished jobs with rules, and the choice of a run whose rules are read."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
+from tensordict import TensorDict
 from torch import Tensor
 
 from fnnq_torchrl.agent.candidates import make_candidates
-from fnnq_torchrl.agent.rules import RuleBase, RulesError, partition
-from fnnq_torchrl.agent.values import FNNQValue
+from fnnq_torchrl.agent.rules import RuleBase, RulesError, rule_bases
+from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.training.results import best_first, read_evaluations
@@ -16,46 +17,63 @@ from fnnq_torchrl.training.weights import load_checkpoint
 
 BEST, MEAN = "best", "mean"
 
+KINDS = ("fnnq", "fnnq_sum")
+"""The value functions with rules."""
+
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A finished job and the consequents that its runs have learned.
+    """A finished job and the weights that its runs have learned.
 
     Attributes:
         directory: the job's directory.
         config: the job's configuration.
         seeds: the seeds of the runs, int64 ``[runs]``.
-        weights: the consequents of each run, ``[runs, labels of input 1, …, action labels]``.
+        weights: the weights of each run by parameter name, batch size ``[runs]``.
     """
 
     directory: Path
     config: Config
     seeds: Tensor
-    weights: Tensor
+    weights: TensorDict
+
+    @property
+    def dtype(self) -> torch.dtype:
+        """The precision of the weights."""
+        return next(iter(self.weights.values())).dtype
 
     @property
     def candidates(self) -> Tensor:
         """The actions that the greedy policy compares, ``[candidates]``."""
-        return make_candidates(self.config, self.weights.dtype)
+        return make_candidates(self.config, self.dtype)
 
-    def network(self) -> FNNQValue:
+    @property
+    def learns_labels(self) -> bool:
+        """True if each run has learned its own labels."""
+        return bool(getattr(self.config.value, "learn_memberships", False))
+
+    @property
+    def names(self) -> list[str]:
+        """The name of each part's consequents among the weights."""
+        return [name for name, _ in self.network().named_parameters() if name.endswith("weight")]
+
+    def network(self) -> ValueNetwork:
         """Return a network for a single run, with start weights."""
-        return FNNQValue.from_config(self.config.value, self.candidates, 1)
+        return make_value_network(self.config.value, self.candidates, 1)
 
-    def rules(self, weights: Tensor) -> RuleBase:
-        """Return the job's rule base with the given consequents.
+    def parts(self, weights: TensorDict) -> tuple[RuleBase, ...]:
+        """Return the rule bases with the given weights; their values add up.
 
         Args:
-            weights: the consequents, ``[labels of input 1, …, action labels]``.
+            weights: the weights of a run, batch size ``[]``.
         """
-        return RuleBase(
-            partition(self.config.value, self.config.env),
-            "value",
-            weights.to(torch.float64),
-            self.config.value.t_norm,
-            self.config.value.elsewhere,
-            tuple(self.candidates.to(torch.float64).tolist()),
-        )
+        network = self.network()
+        network.load_state_dict(network.state_dict() | weights.unsqueeze(0).to_dict())
+        return rule_bases(network, self.config.value, self.config.env, run=0)
+
+    def rules(self, weights: TensorDict) -> RuleBase:
+        """Return the single rule base with the given weights, as in :meth:`parts`."""
+        return RuleBase.from_sum(self.parts(weights), [*self.config.value.inputs])
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,20 +83,23 @@ class Chosen:
     Attributes:
         words: a description for titles, such as "seed 5".
         seed: the seed of the run, or of the first run if this is the mean.
-        weights: the consequents, ``[labels of input 1, …, action labels]``.
-        rules: the rule base with these consequents.
-        spread: the standard deviation of each consequent over the runs; None for a single run.
+        weights: the weights by parameter name, batch size ``[]``.
+        parts: the rule bases with these weights; their values add up.
+        rules: the single rule base with the same values.
+        spread: the standard deviation over the runs of each part's consequents; empty for a single
+            run.
     """
 
     words: str
     seed: int
-    weights: Tensor
+    weights: TensorDict
+    parts: tuple[RuleBase, ...]
     rules: RuleBase
-    spread: Tensor | None = None
+    spread: tuple[Tensor, ...] = ()
 
 
 def read_job(directory: Path, *, own: bool = False) -> Job:
-    """Read a finished job with ``value=fnnq``.
+    """Read a finished job with rules.
 
     Args:
         directory: the job's directory.
@@ -86,8 +107,8 @@ def read_job(directory: Path, *, own: bool = False) -> Job:
 
     Raises:
         OSError: if checkpoint.pt can't be read.
-        ValueError: if there is no finished job, its checkpoint.pt is damaged, its value function
-            has no rules, or its runs learned their labels. The message is one line.
+        ValueError: if there is no finished job, its checkpoint.pt is damaged, or its value
+            function has no rules. The message is one line.
     """
     if not directory.is_dir():
         raise RulesError(f"{directory}: there is no such directory")
@@ -95,12 +116,11 @@ def read_job(directory: Path, *, own: bool = False) -> Job:
         raise RulesError(f"{directory}: has no checkpoint.pt, so it isn't a finished job")
     checkpoint = load_checkpoint(directory / "checkpoint.pt")
     config = to_config(checkpoint.config, own=own)
-    if config.value.kind != "fnnq":
-        raise RulesError(f"{directory}: value={config.value.kind} has no rules; value=fnnq has")
-    if config.value.learn_memberships:
-        advice = "read a single run with fnnq_torchrl.load_rules"
-        raise RulesError(f"{directory}: each run has learned its own labels; {advice}")
-    return Job(directory, config, checkpoint.seed, checkpoint.weights["weight"])
+    if config.value.kind not in KINDS:
+        known = " or ".join(KINDS)
+        raise RulesError(f"{directory}: value={config.value.kind} has no rules; {known} has")
+    weights = TensorDict(checkpoint.weights, [len(checkpoint.seed)])
+    return Job(directory, config, checkpoint.seed, weights)
 
 
 def choose(job: Job, which: str) -> Chosen:
@@ -112,14 +132,20 @@ def choose(job: Job, which: str) -> Chosen:
 
     Raises:
         OSError: if ``which`` is ``best`` and evaluations.csv, which has the scores, can't be read.
-        ValueError: if evaluations.csv is damaged, or the job has no run with this seed. The message
-            is one line.
+        ValueError: if evaluations.csv is damaged, the job has no run with this seed, there is no
+            mean because each run has learned its own labels, or as in :meth:`.RuleBase.from_sum`.
+            The message is one line.
     """
     seeds = job.seeds.tolist()
     if which == MEAN:
-        mean, spread = job.weights.double().mean(0), job.weights.double().std(0, correction=0)
+        if job.learns_labels:
+            raise RulesError(f"seed={MEAN}: each run has learned its own labels; name one run")
+        exact = job.weights.double()
+        weights = exact.mean(0)
+        spread = tuple(exact[name].std(0, correction=0) for name in job.names)
         words = f"the mean over {len(seeds):,} runs"
-        return Chosen(words, seeds[0], mean.to(job.weights.dtype), job.rules(mean), spread)
+        parts, rules = job.parts(weights), job.rules(weights)
+        return Chosen(words, seeds[0], weights.to(job.dtype), parts, rules, spread)
     if which == BEST:
         place, score = _best(job)
         words = f"seed {seeds[place]}, the best of {len(seeds):,}: final score {score:.2f}"
@@ -129,7 +155,7 @@ def choose(job: Job, which: str) -> Chosen:
             raise RulesError(f"seed={which}: must be {BEST}, {MEAN} or one of {span}")
         place, words = seeds.index(int(which)), f"seed {which}"
     weights = job.weights[place]
-    return Chosen(words, seeds[place], weights, job.rules(weights))
+    return Chosen(words, seeds[place], weights, job.parts(weights), job.rules(weights))
 
 
 def _best(job: Job) -> tuple[int, float]:

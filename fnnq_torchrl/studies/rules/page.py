@@ -2,7 +2,8 @@
 
     python -m fnnq_torchrl.rules run=DIR page=docs/rules.md
 
-writes the comparison between two marks (HTML comments) in the page.
+writes the comparison between two marks (HTML comments) in the page, and a picture of the best run
+into the folder ``figures`` beside it.
 """
 
 from pathlib import Path
@@ -15,9 +16,12 @@ from fnnq_torchrl.agent.rules import RulesError
 from fnnq_torchrl.agent.rules.controller import Stretch
 from fnnq_torchrl.files.atomic import atomic_write
 from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
-from fnnq_torchrl.studies.rules.job import Job
+from fnnq_torchrl.studies.rules.job import BEST, Job, choose
+from fnnq_torchrl.studies.rules.pictures import surface
+from fnnq_torchrl.studies.rules.reading import read_run
 from fnnq_torchrl.studies.rules.replay import distilled, greedy, replay
 from fnnq_torchrl.studies.statistics import bootstrap_interval, paired_difference
+from fnnq_torchrl.training.pictures.style import save
 
 BEGIN, END = "<!-- faithfulness -->\n", "<!-- end of faithfulness -->\n"
 
@@ -27,8 +31,10 @@ Numbers = NDArray[np.float64]
 def write_faithfulness(job: Job, page: Path) -> None:
     """Write a job's comparison into a page, between :data:`BEGIN` and :data:`END`.
 
+    The picture of the best run's Q is written to ``figures/rules.png`` beside the page.
+
     Raises:
-        OSError: if the page can't be read or written.
+        OSError: if a file can't be read or written.
         RulesError: if the page lacks a mark, or the job's test doesn't count successes.
     """
     text = page.read_text(encoding="utf-8")
@@ -36,7 +42,12 @@ def write_faithfulness(job: Job, page: Path) -> None:
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise RulesError(f"{page}: has no lines {BEGIN.strip()} and {END.strip()}")
-    new = f"{before}{BEGIN}{faithfulness(job)}{END}{after}"
+    compared, best = faithfulness(job), choose(job, BEST)
+    picture = page.parent / "figures" / "rules.png"
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    save(surface(read_run(job, best)), picture)
+    shown = f"![Q over the state and the action, with the best action](figures/{picture.name})\n"
+    new = f"{before}{BEGIN}{compared}\n{shown}\nThe picture shows Q of {best.words}.\n{END}{after}"
     with atomic_write(page) as file:
         file.write(new.encode())
 
@@ -48,11 +59,13 @@ def faithfulness(job: Job) -> str:
     controller.
 
     Raises:
-        RulesError: if the job's test doesn't count successes.
+        RulesError: if the job's test doesn't count successes, or its runs have different labels.
     """
     best = job.config.best_score
     if best is None:
         raise RulesError(f"{job.directory}: its test doesn't count successes")
+    if job.learns_labels:
+        raise RulesError(f"{job.directory}: each run has learned its own labels")
     controllers = [job.rules(weights).controller() for weights in job.weights]
     system = controllers[0].distilled
     numbers = torch.stack([controller.distilled.consequents for controller in controllers])

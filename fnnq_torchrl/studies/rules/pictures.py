@@ -11,7 +11,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from fnnq_torchrl.agent.rules import Explanation, Variable
-from fnnq_torchrl.studies.rules.job import Chosen
+from fnnq_torchrl.studies.rules.job import Chosen, Job
 from fnnq_torchrl.studies.rules.reading import HARDLY, Reading
 from fnnq_torchrl.training.pictures.style import GREY, LINES, new_figure, quiet_grid, save
 from fnnq_torchrl.training.weights import Snapshots
@@ -127,32 +127,35 @@ def surface(reading: Reading) -> Figure:
     return figure
 
 
-def consequents(chosen: Chosen, snapshots: Snapshots) -> Figure:
+def consequents(job: Job, chosen: Chosen, snapshots: Snapshots) -> Figure:
     """Draw the consequents of the chosen run, or their mean over all runs, while it learned."""
-    weights = snapshots.weights["weight"].double()
-    if chosen.spread is None:
-        history = weights[:, snapshots.seed.tolist().index(chosen.seed)]
-    else:
-        history = weights.mean(1)
-    rules = chosen.rules
-    columns = len(rules.action.labels)
+    action = chosen.rules.action
+    columns, rows = len(action.labels), len(chosen.parts)
     caption = "a panel for each action label, a line for each combination of state labels"
-    figure = new_figure(3 * columns, 3.6, f"Consequents while learning, {chosen.words}", caption)
-    panels = figure.subplots(1, columns, sharey=True, squeeze=False)[0]
-    of_states = history.reshape(len(history), -1, columns).numpy()
-    situations = snapshots.situations.numpy()
-    names = [rules.premise(labels[:-1]) for labels, _ in rules.rules()][::columns]
-    for column, axes in enumerate(panels):
-        for place, (colour, style) in zip(range(of_states.shape[1]), LINES, strict=False):
-            axes.plot(situations, of_states[:, place, column], color=colour, linestyle=style)
-        axes.set_title(f"{rules.action.name} is {rules.action.labels[column].name}", fontsize=9)
+    title = f"Consequents while learning, {chosen.words}"
+    figure = new_figure(3 * columns, 0.6 + 3 * rows, title, caption)
+    every = figure.subplots(rows, columns, sharex=True, sharey="row", squeeze=False)
+    for panels, rules, name in zip(every, chosen.parts, job.names, strict=True):
+        weight = snapshots.weights[name]
+        if chosen.spread:
+            history = weight.double().mean(1)
+        else:
+            history = weight[:, snapshots.seed.tolist().index(chosen.seed)].double()
+        of_states = history.reshape(len(history), -1, columns).numpy()
+        names = [rules.premise(labels[:-1]) for labels, _ in rules.rules()][::columns]
+        for column, axes in enumerate(panels):
+            for place, (colour, style) in zip(range(of_states.shape[1]), LINES, strict=False):
+                lines = of_states[:, place, column]
+                axes.plot(snapshots.situations.numpy(), lines, color=colour, linestyle=style)
+            axes.set_title(f"{action.name} is {action.labels[column].name}", fontsize=9)
+            quiet_grid(axes)
+        panels[0].set_ylabel("consequent")
+        shown = names[: len(panels[0].lines)]
+        panels[-1].legend(
+            panels[-1].lines, shown, fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5)
+        )
+    for axes in every[-1]:
         axes.set_xlabel("learning situations")
-        quiet_grid(axes)
-    panels[0].set_ylabel("consequent")
-    shown = names[: len(panels[0].lines)]
-    panels[-1].legend(
-        panels[-1].lines, shown, fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5)
-    )
     return figure
 
 
@@ -163,7 +166,15 @@ def episode(reading: Reading, situation: int) -> Figure:
     counts = played.counts[:, 0, situation]
     before, after = before[counts], after[counts]
     points = torch.cat([before[name] for name in (*played.names, "action")], dim=-1).double()
-    firing = rules.firing(points).flatten(1)
+    columns = [variable.name for variable in rules.inputs]
+    parts = reading.chosen.parts
+    firing = torch.cat(
+        [
+            part.firing(points[:, [columns.index(each.name) for each in part.inputs]]).flatten(1)
+            for part in parts
+        ],
+        dim=-1,
+    )
     error = _td_error(reading, points, after)
     success = bool(after["success"][-1])
     figure = new_figure(
@@ -176,7 +187,7 @@ def episode(reading: Reading, situation: int) -> Figure:
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.6))[0]
     _path(left.add_subplot(), before, after, reading)
     strengths, errors = right.subplots(2, sharex=True, height_ratios=(2, 1))
-    names = [rules.premise(labels) for labels, _ in rules.rules()]
+    names = [part.premise(labels) for part in parts for labels, _ in part.rules()]
     order = firing.sum(0).argsort(descending=True)[:_MOST_LINES].tolist()
     for place, (colour, style) in zip(order, LINES, strict=False):
         strengths.plot(firing[:, place].numpy(), color=colour, linestyle=style, label=names[place])
@@ -222,10 +233,14 @@ def _path(axes: Axes, before: TensorDictBase, after: TensorDictBase, reading: Re
 
 def _never_fired(reading: Reading) -> Iterator[str]:
     """Yield the labels whose rules fired less than :data:`.HARDLY` in the replay, all together."""
-    for i, variable in enumerate(reading.chosen.rules.inputs):
-        others = [axis for axis in range(reading.fired.ndim) if axis != i]
-        for label, fired in zip(variable.labels, reading.fired.sum(others).tolist(), strict=True):
-            if fired < HARDLY:
+    for variable in reading.chosen.rules.inputs:
+        most = torch.zeros(len(variable.labels)).double()
+        for part, fired in zip(reading.chosen.parts, reading.fired, strict=True):
+            if variable in part.inputs:
+                axis = part.inputs.index(variable)
+                most = most.maximum(fired.movedim(axis, 0).flatten(1).sum(-1))
+        for label, strength in zip(variable.labels, most.tolist(), strict=True):
+            if strength < HARDLY:
                 yield f"{variable.name} {label.name}"
 
 

@@ -59,7 +59,7 @@ def _figures(job: Job, chosen: Chosen, situation: int) -> Iterator[tuple[str, Fi
     yield "surface", pictures.surface(reading)
     snapshots = job.directory / "snapshots.pt"
     if snapshots.is_file():
-        yield "consequents", pictures.consequents(chosen, load_snapshots(snapshots))
+        yield "consequents", pictures.consequents(job, chosen, load_snapshots(snapshots))
     else:
         announce(f"no picture of the consequents: {snapshots} doesn't exist")
     yield "episode", pictures.episode(reading, situation)

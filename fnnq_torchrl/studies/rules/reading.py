@@ -11,7 +11,10 @@ from fnnq_torchrl.studies.rules.replay import Replay, distilled, greedy, replay
 from fnnq_torchrl.training.firing import FIRING, read_firing
 
 HARDLY = 1.0
-"""A rule counts as hardly trained if its firing strengths in the replay add up to less."""
+"""A rule counts as hardly trained if its firing strengths add up to less.
+
+They are those of learning, if the job has counted them, or else those of the replay.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +25,8 @@ class Reading:
         job: the job.
         chosen: the run of the job, or the mean over its runs.
         played: the test as played by the full (greedy) policy.
-        fired: each rule's firing strength, summed over the steps of ``played``; shaped like the
-            consequents.
+        fired: each rule's firing strength, summed over the steps of ``played``; for each part of
+            the rules, shaped like its consequents.
         learned: each rule's firing strength, summed over the steps of learning, or its mean over
             the runs; None if the job has no such file.
         steps: the number of steps in ``played``.
@@ -36,17 +39,12 @@ class Reading:
     job: Job
     chosen: Chosen
     played: Replay
-    fired: Tensor
+    fired: tuple[Tensor, ...]
     learned: Tensor | None
     steps: int
     controller: Controller
     full_score: float
     distilled_score: float
-
-    @property
-    def hardly_trained(self) -> Tensor:
-        """True for each hardly trained rule, bool, shaped like the consequents."""
-        return self.fired < HARDLY
 
     @property
     def score_words(self) -> str:
@@ -64,7 +62,12 @@ def read_run(job: Job, chosen: Chosen) -> Reading:
     rules, seeds = chosen.rules, torch.tensor([chosen.seed])
     full = replay(job, seeds, chosen.weights.unsqueeze(0), lambda each: greedy(job, each))
     states, actions = full.visited()
-    fired = rules.firing(torch.cat([states, actions.unsqueeze(-1)], dim=-1)).sum(0)
+    points = torch.cat([states, actions.unsqueeze(-1)], dim=-1)
+    columns = [*full.names, rules.action.name]
+    fired = tuple(
+        part.firing(points[:, [columns.index(each.name) for each in part.inputs]]).sum(0)
+        for part in chosen.parts
+    )
     controller = rules.controller()
     numbers = controller.distilled.consequents.unsqueeze(0)
     other = replay(job, seeds, numbers, lambda each: distilled(job, controller.distilled, each))
@@ -85,8 +88,8 @@ def _learned(job: Job, chosen: Chosen) -> Tensor | None:
     path = job.directory / FIRING
     if not path.is_file():
         return None
-    fired = read_firing(path, job.weights.shape)
-    if chosen.spread is not None:
+    fired = read_firing(path, job.weights["weight"].shape)
+    if chosen.spread:
         return fired.mean(0)
     return fired[job.seeds.tolist().index(chosen.seed)]
 

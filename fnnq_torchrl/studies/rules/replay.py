@@ -5,6 +5,7 @@ A lane is one copy of the world; each run has a lane for each situation of the t
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -14,11 +15,15 @@ from envs.worlds import make_world
 from fnnq_torchrl.agent.learning_step import act
 from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.agent.rules import FuzzySystem
+from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.studies.rules.job import Job
 from fnnq_torchrl.training.evaluation import FIRST_EPISODE
 
 Choice = Callable[[TensorDictBase], TensorDictBase]
 """A policy: it sets the action in a state of the world, batch size ``[lanes]``."""
+
+Weights = TypeVar("Weights", Tensor, TensorDict)
+"""The weights of a network, or the consequents of a distilled controller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,17 +65,16 @@ class Replay:
         return states.double(), self.before["action"].squeeze(-1)[self.counts].double()
 
 
-def greedy(job: Job, weights: Tensor) -> Choice:
+def greedy(job: Job, weights: TensorDict) -> Choice:
     """Return the greedy policy that the job's test uses.
 
     Args:
         job: the job, which has the network.
-        weights: the consequents for each lane, ``[lanes, labels of input 1, …, action labels]``.
+        weights: the weights of each lane by parameter name, batch size ``[lanes]``.
     """
     policy = EpsilonGreedyPolicy(job.network(), epsilon=0.0)
-    of_lanes = TensorDict({"weight": weights}, [len(weights)])
-    never = torch.zeros(len(weights), 1, dtype=weights.dtype)
-    return lambda state: act(policy, of_lanes, never, state)
+    never = torch.zeros(len(weights), 1, dtype=job.dtype)
+    return lambda state: act(policy, weights, never, state)
 
 
 def distilled(job: Job, system: FuzzySystem, numbers: Tensor) -> Choice:
@@ -92,16 +96,19 @@ def distilled(job: Job, system: FuzzySystem, numbers: Tensor) -> Choice:
 
 
 @torch.no_grad()
-def replay(job: Job, seeds: Tensor, weights: Tensor, choice: Callable[[Tensor], Choice]) -> Replay:
+def replay(
+    job: Job, seeds: Tensor, weights: Weights, choice: Callable[[Weights], Choice]
+) -> Replay:
     """Replay the test of a job's last evaluation, with the same starts and random numbers.
 
     Args:
         job: the job.
         seeds: the seeds of the runs that play, int64 ``[runs]``.
-        weights: the weights that each run plays with, ``[runs, …]``.
+        weights: the weights that each run plays with, ``[runs, …]`` or of batch size ``[runs]``.
         choice: a function from the lanes' weights ``[lanes, …]`` to their policy.
     """
-    config, world = job.config, job.config.env.tested
+    config: Config = job.config
+    world = config.env.tested
     runs, tests = len(seeds), config.evaluation.tests
     lanes, like = runs * tests, job.candidates
     env = make_world(world, [lanes], seed=0, dtype=like.dtype)
@@ -111,7 +118,7 @@ def replay(job: Job, seeds: Tensor, weights: Tensor, choice: Callable[[Tensor], 
     starts = None if fixed is None else torch.tensor(fixed, dtype=like.dtype)[number]
     episode = FIRST_EPISODE + evaluation * tests + number
     state = env.start(seeds.repeat_interleave(tests).unsqueeze(-1), episode.unsqueeze(-1), starts)
-    act_in = choice(weights.repeat_interleave(tests, dim=0))
+    act_in = choice(weights[torch.arange(runs).repeat_interleave(tests)])
     goes_on = torch.ones(lanes, dtype=torch.bool)
     befores, afters, counts = [], [], []
     for _ in range(world.time_limit_steps):

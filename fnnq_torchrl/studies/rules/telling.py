@@ -6,8 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-import torch
-
+from fnnq_torchrl.agent.rules import RuleBase, partition
 from fnnq_torchrl.studies.reproduction.markdown import table
 from fnnq_torchrl.studies.rules.reading import HARDLY, Reading
 
@@ -26,10 +25,35 @@ def as_markdown(reading: Reading) -> str:
 
 
 def as_csv(reading: Reading) -> str:
-    """Return the rules as CSV, a row for each rule with its firing strength."""
-    rows = _rows(reading)
+    """Return the report as one CSV table, whose column ``what`` tells the kinds of rows apart.
+
+    ``rule``: a rule with its firing strength; ``best action``: a stretch of the state with the best
+    action there; ``switch``: a state at which it changes; ``distilled``: a rule of the distilled
+    controller.
+    """
+    controller = reading.controller
+    rows = [{"what": "rule"} | row for row in _rows(reading)]
+    if controller.stretches:
+        [state] = reading.chosen.rules.states
+        rows += [
+            {
+                "what": "best action",
+                "from": each.low,
+                "to": each.high,
+                controller.action.name: each.action,
+                "word": controller.word(each.action),
+            }
+            for each in controller.stretches
+        ]
+        rows += [{"what": "switch", state.name: place} for place in controller.switches]
+    name = controller.action.name
+    rows += [
+        {"what": "distilled"} | row | {"word": controller.word(row[name])}
+        for row in controller.distilled.table()
+    ]
+    columns = dict.fromkeys(column for row in rows for column in row)
     text = io.StringIO()
-    writer = csv.DictWriter(text, [*rows[0]], lineterminator="\n")
+    writer = csv.DictWriter(text, [*columns], lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue().rstrip("\n")
@@ -70,53 +94,91 @@ FORMATS: dict[str, Callable[[Reading], str]] = {
 
 def _rows(reading: Reading) -> list[dict[str, Any]]:
     """Return a row for each rule: its labels, consequent, spread and firing strengths."""
-    rows = reading.chosen.rules.table()
-    fired = reading.fired.flatten().tolist()
-    learned = None if reading.learned is None else reading.learned.flatten().tolist()
-    spread = reading.chosen.spread
-    for i, row in enumerate(rows):
-        if spread is not None:
-            row["spread"] = float(spread.flatten()[i])
-        row["fired"] = fired[i]
-        row["hardly_trained"] = fired[i] < HARDLY
+    rows = []
+    for part, fired, spread in _parts(reading):
+        columns: dict[str, list[float]] = {} if spread is None else {"spread": spread}
+        columns["fired"] = fired
+        learned = _while_learning(reading)
         if learned is not None:
-            row["fired_while_learning"] = learned[i]
+            columns["fired_while_learning"] = learned
+        for i, row in enumerate(part.table()):
+            row |= {name: column[i] for name, column in columns.items()}
+            rows.append(row | {"hardly_trained": (learned or fired)[i] < HARDLY})
     return rows
+
+
+def _parts(reading: Reading) -> Iterator[tuple[RuleBase, list[float], list[float] | None]]:
+    """Yield each part of the rules, with its rules' firing strengths and spreads."""
+    spreads = reading.chosen.spread or (None,) * len(reading.fired)
+    for part, fired, spread in zip(reading.chosen.parts, reading.fired, spreads, strict=True):
+        yield part, fired.flatten().tolist(), None if spread is None else spread.flatten().tolist()
+
+
+def _while_learning(reading: Reading) -> list[float] | None:
+    """Return the rules' firing strengths while learning, if the job has counted them."""
+    return None if reading.learned is None else reading.learned.flatten().tolist()
 
 
 def _sections(
     reading: Reading, heading: str, grid: Callable[[Grid], str], item: str
 ) -> Iterator[str]:
-    rules, controller, action = reading.chosen.rules, reading.controller, reading.controller.action
-    spread = reading.chosen.spread
     yield f"{reading.job.directory}, {reading.chosen.words}"
     yield ""
-    yield heading.format("The consequents" + (" and their spread" if spread is not None else ""))
+    if len(reading.chosen.parts) > 1:
+        yield "Q is the sum of the rule bases below.\n"
+    if reading.job.learns_labels:
+        yield heading.format("The labels that this run has learned")
+        yield grid(_learned_labels(reading))
+    for part, fired, spread in _parts(reading):
+        yield from _sections_of(part, fired, spread, reading, heading, grid, item)
+    yield from _sections_of_controller(reading, heading, grid, item)
+
+
+def _sections_of(
+    rules: RuleBase,
+    fired: Sequence[float],
+    spread: Sequence[float] | None,
+    reading: Reading,
+    heading: str,
+    grid: Callable[[Grid], str],
+    item: str,
+) -> Iterator[str]:
+    """Yield the sections about a part of the rules."""
+    names = " and ".join(variable.name for variable in rules.states)
+    of = f" of {names}" if len(reading.chosen.parts) > 1 else ""
+    yield heading.format(f"The consequents{of}" + (" and their spread" if spread else ""))
     numbers = [f"{value:.3f}" for value in rules.consequents.flatten().tolist()]
-    if spread is not None:
-        spreads = spread.flatten().tolist()
-        numbers = [f"{value} ± {std:.3f}" for value, std in zip(numbers, spreads, strict=True)]
-    yield grid(_grid(reading, numbers))
+    if spread:
+        numbers = [f"{value} ± {std:.3f}" for value, std in zip(numbers, spread, strict=True)]
+    yield grid(_grid(rules, numbers))
     yield heading.format(
-        f"How strongly each rule fired, summed over the {reading.steps} steps of the test's replay"
+        f"How strongly each rule{of} fired, summed over the {reading.steps} steps of the test's "
+        "replay"
     )
-    fired = reading.fired.flatten().tolist()
-    yield grid(_grid(reading, [f"{value:.1f}{'*' if value < HARDLY else ''}" for value in fired]))
-    if reading.hardly_trained.any():
-        yield f"* less than {HARDLY:g}: hardly trained\n"
-    if reading.learned is not None:
+    learned = _while_learning(reading)
+    if learned is not None:
+        yield grid(_grid(rules, [f"{value:.1f}" for value in fired]))
         yield heading.format("How strongly each rule fired while learning, summed over its steps")
-        learned = reading.learned.flatten().tolist()
-        yield grid(_grid(reading, [f"{value:.1f}" for value in learned]))
-    yield heading.format("The rules")
-    for (labels, _), value, strength in zip(rules.rules(), numbers, fired, strict=True):
+    trained = learned or fired
+    yield grid(_grid(rules, [f"{value:.1f}{'*' if value < HARDLY else ''}" for value in trained]))
+    if min(trained) < HARDLY:
+        yield f"* less than {HARDLY:g}: hardly trained\n"
+    yield heading.format(f"The rules{of}")
+    for (labels, _), value, strength in zip(rules.rules(), numbers, trained, strict=True):
         mark = " (hardly trained)" if strength < HARDLY else ""
         sentence = f"if {rules.premise(labels)} then {rules.output} is {value}"
         yield item.format(f"{sentence}{mark}")
     yield ""
-    yield heading.format("The controller: the best action")
+
+
+def _sections_of_controller(
+    reading: Reading, heading: str, grid: Callable[[Grid], str], item: str
+) -> Iterator[str]:
+    """Yield the sections about the best action and the distilled controller."""
+    controller, action = reading.controller, reading.controller.action
     if controller.stretches:
-        [state] = rules.states
+        [state] = reading.chosen.rules.states
+        yield heading.format("The controller: the best action")
         rows = [
             [
                 f"{each.low:+.3f}",
@@ -127,6 +189,8 @@ def _sections(
             for each in controller.stretches
         ]
         yield grid(([f"{state.name} from", "to", action.name, ""], rows))
+        places = ", ".join(f"{place:+.4f}" for place in controller.switches) or "none"
+        yield f"Switching points of {state.name}: {places}\n"
     yield heading.format("The distilled controller: one number for each state rule")
     for sentence in controller.sentences():
         yield item.format(sentence)
@@ -140,17 +204,29 @@ def _sections(
     )
 
 
-def _grid(reading: Reading, cells: Sequence[str]) -> Grid:
+def _learned_labels(reading: Reading) -> Grid:
+    """Return a table of the labels' centres and widths, now and before learning."""
+    config = reading.job.config
+    before = [
+        label for variable in partition(config.value, config.env) for label in variable.labels
+    ]
+    after = [
+        (variable.name, label)
+        for variable in reading.chosen.rules.inputs
+        for label in variable.labels
+    ]
+    rows = [
+        [name, label.name, *(f"{number:.4g}" for number in (*label.parameters, *old.parameters))]
+        for (name, label), old in zip(after, before, strict=True)
+    ]
+    return ["", "label", "centre", "width", "centre before", "width before"], rows
+
+
+def _grid(rules: RuleBase, cells: Sequence[str]) -> Grid:
     """Return a table of cells, one for each rule: rows are state labels, columns action labels."""
-    rules = reading.chosen.rules
     columns = len(rules.action.labels)
     heads = [
-        ", ".join(variable.labels[i].name for variable, i in zip(rules.states, places, strict=True))
-        for places in torch.cartesian_prod(
-            *(torch.arange(len(variable.labels)) for variable in rules.states)
-        )
-        .reshape(-1, len(rules.states))
-        .tolist()
+        ", ".join(label.name for label in labels[:-1]) for labels, _ in [*rules.rules()][::columns]
     ]
     corner = f"{', '.join(variable.name for variable in rules.states)} \\ {rules.action.name}"
     rows = [[head, *cells[i * columns : (i + 1) * columns]] for i, head in enumerate(heads)]

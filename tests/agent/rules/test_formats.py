@@ -3,9 +3,11 @@
 import json
 import os
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
 import torch
 from hypothesis import given, settings
@@ -15,8 +17,9 @@ from fnnq_torchrl import RuleBase
 from fnnq_torchrl.agent.rules import FuzzySystem, RulesError, Variable
 from fnnq_torchrl.agent.rules.errors import choices
 from fnnq_torchrl.agent.rules.formats import MOST_BYTES, READERS, WRITERS, read_system
+from fnnq_torchrl.agent.rules.graphs import free_name
 from fnnq_torchrl.agent.rules.sentences import read_knowledge
-from tests.rule_bases import paper, systems
+from tests.rule_bases import paper, systems, variables
 
 ENDINGS = sorted(READERS)
 
@@ -30,12 +33,31 @@ def text_of(system: FuzzySystem, ending: str) -> str:
 @given(system=systems())
 @settings(max_examples=10)
 def test_written_read_and_written_again_it_is_the_same(ending: str, system: FuzzySystem) -> None:
+    gaps = any(variable.gaps() for variable in system.inputs)
+    if gaps and (ending == ".fis" or (ending == ".fll" and system.elsewhere == "nearest")):
+        with pytest.raises(RulesError, match=f"^{ending} can't say what fires at x"):
+            text_of(system, ending)
+        return
     text = text_of(system, ending)
-    again, _ = READERS[ending](text, "file")
+    again = READERS[ending](text, "file").system
     assert text_of(again, ending) == text
     assert torch.equal(again.consequents, system.consequents)
-    assert again.same_partition(system.inputs)
-    assert again.t_norm == system.t_norm
+    assert again.inputs == system.inputs
+    assert (again.t_norm, again.elsewhere) == (system.t_norm, system.elsewhere)
+
+
+@given(variable=variables("x"))
+@settings(max_examples=30)
+def test_gaps_are_where_no_label_fires(variable: Variable) -> None:
+    ends = [variable.low, variable.high, *(end for gap in variable.gaps() for end in gap)]
+    x = torch.tensor([*ends, *torch.linspace(-11, 11, 500).tolist()], dtype=torch.float64)
+    x = x[(x >= variable.low) & (x <= variable.high) & x.isfinite()]
+    silent = (variable.log_degrees(x) == -inf).all(0)
+    for number, no_label in zip(x.tolist(), silent.tolist(), strict=True):
+        # At the end of a gap, a label with a vertical side fires.
+        inside = any(low < number < high or low == number == high for low, high in variable.gaps())
+        at_end = any(number in gap for gap in variable.gaps())
+        assert no_label == inside or at_end
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -47,9 +69,9 @@ def test_by_way_of_a_file(ending: str, tmp_path: Path) -> None:
     assert again.same_partition(rules.inputs)
     assert np.allclose(again.candidates, rules.candidates, atol=1e-15)
     (distilled,) = rules.export(tmp_path / f"d{ending}", controller="distilled")
-    system, candidates = read_system(distilled)
-    assert (system.output, candidates) == ("steer", ())
-    assert torch.equal(system.consequents, rules.controller().distilled.consequents)
+    content = read_system(distilled)
+    assert (content.system.output, content.candidates) == ("steer", ())
+    assert torch.equal(content.system.consequents, rules.controller().distilled.consequents)
 
 
 def test_numbers_of_labels_have_the_order_of_each_format() -> None:
@@ -86,6 +108,23 @@ def test_what_is_exported_runs_in_torch(tmp_path: Path) -> None:
     (greedy,) = rules.export(tmp_path / "g.pt2", controller="full")
     module = torch.export.load(greedy).module()
     assert torch.equal(module(state=states), rules.greedy(states))
+    (q,) = rules.export(tmp_path / "q.pt2")
+    actions = torch.linspace(1, -1, 50).double().unsqueeze(-1)
+    values = torch.export.load(q).module()(state=states, action=actions)
+    torch.testing.assert_close(values, rules.evaluate(torch.cat([states, actions], -1)))
+
+
+def test_an_actions_name_is_no_other_name_in_onnx(tmp_path: Path) -> None:
+    """An ONNX graph gives a name only once, to an input or to an operation's result."""
+    rules = paper()
+    rules = replace(rules, inputs=(rules.inputs[0], replace(rules.inputs[1], name="state")))
+    (file,) = rules.export(tmp_path / "q.onnx", controller="full")
+    model = onnx.load(file)
+    onnx.checker.check_model(model, full_check=True)
+    assert [each.name for each in model.graph.input] == ["state"]
+    assert [each.name for each in model.graph.output] == ["state_2"]
+    assert free_name("Δ v / s", {"v_s", "v_s_2"}) == "v_s_3"
+    assert free_name("Δ", set()) == "output"
 
 
 def test_c_is_one_pair_of_files_and_names_its_functions(tmp_path: Path) -> None:
@@ -199,17 +238,29 @@ def refusal(ending: str, text: str) -> str | None:
 def test_json_of_other_shapes() -> None:
     good = json.loads(text_of(paper(), ".json"))
     for change, said in [
-        ({"consequents": [[1] * 4] * 4}, "file: consequents: list; expected 5 entries"),
-        ({"inputs": {}}, "file: inputs: dict; expected a list"),
-        ({"output": 3}, "file: output: '3'; expected a text"),
-        ({"candidates": [1, 0]}, "file: candidates: expected rising numbers"),
-        ({"candidates": [True]}, "file: candidates[0]: 'True'; expected a finite number"),
-        ({"t_norm": "sum"}, "file: 'sum': expected product or minimum"),
-        ({"format": "2"}, "file: format: '2'; expected 'rules of fnnq_torchrl, 1'"),
+        ({"consequents": [[1] * 4] * 4}, "consequents: list; expected 5 entries"),
+        ({"inputs": {}}, "inputs: dict; expected a list"),
+        ({"output": 3}, "output: '3'; expected a text"),
+        ({"candidates": [1, 0]}, "candidates: expected rising numbers"),
+        ({"candidates": True}, "candidates: 'True'; expected a list"),
+        ({"t_norm": "sum"}, "t_norm: 'sum': expected product or minimum"),
+        ({"format": "2"}, "format: '2'; expected 'rules of fnnq_torchrl, 1'"),
     ]:
+        [key] = change
+        text = json.dumps(good | change, indent=1)
+        line = next(i for i, row in enumerate(text.splitlines(), 1) if row.startswith(f' "{key}"'))
         with pytest.raises(RulesError) as refused:
-            READERS[".json"](json.dumps(good | change), "file")
-        assert str(refused.value).startswith(said)
+            READERS[".json"](text, "file")
+        assert str(refused.value).startswith(f"file:{line}:{len(key) + 6}: {said}")
+    text = json.dumps(good | {"candidates": [0, True]})
+    with pytest.raises(RulesError) as refused:
+        READERS[".json"](text, "file")
+    column = text.index("true") + 1
+    said = f"file:1:{column}: candidates[1]: 'True'; expected a finite number"
+    assert str(refused.value) == said
+    good["inputs"][0]["labels"][1]["parameters"][1] = -1
+    with pytest.raises(RulesError, match=r"^file:\d+:5: inputs\[0\]\.labels\[1\]: label 'right'"):
+        READERS[".json"](json.dumps(good, indent=1), "file")
 
 
 def test_too_large_or_no_text(tmp_path: Path) -> None:
@@ -276,7 +327,7 @@ def test_knowledge() -> None:
         ),
         (
             "input bearing\nlabel left gaussian 0 1\naction steer\nlabel a gaussian 0 1\n",
-            "f:1:1: another partition than the network's, whose bearing differs",
+            "f:1:1: another partition: its labels of bearing are left, the network's are far_right",
         ),
     ],
 )

@@ -1,5 +1,6 @@
 """Files of rules as the start values of learning."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 import torch
 
 from fnnq_torchrl.agent.rules import Label, RuleBase, RulesError, Variable, sentences
+from fnnq_torchrl.agent.rules.formats import READERS
 from fnnq_torchrl.agent.rules.prior import preferences, read_prior
 from tests.rule_bases import paper
 
@@ -96,7 +98,7 @@ DEFINED = [
         ("if bearing is left then steer left\nif bearing is left then steer left", "2:1",
          "is there twice, of line 1"),
         ("if bearing is left and steer is left then value is much", "1:52", "expected a number"),
-        ("\n".join([*DEFINED, "t_norm minimum"]), "1:1", "its t_norm is minimum"),
+        ("\n".join([*DEFINED, "t_norm minimum"]), "15:1", "its t_norm is minimum"),
         ("input bearing from -1 to 1\nlabel left gaussian 0 1", "1:1", "another partition"),
     ],
 )  # fmt: skip
@@ -134,20 +136,21 @@ def other(change: Callable[[Variable], Variable]) -> RuleBase:
                     each.name, (Label("far_right", "gaussian", (-0.6, 0.4)), *each.labels[1:])
                 )
             ),
-            "value.inputs=",
+            "bearing far_right is gaussian -0.6 0.4; expected gaussian -0.5 0.4; without value",
         ),
         (
             RuleBase(VARIABLES, "value", paper().consequents, t_norm="minimum"),
-            "its t-norm is minimum, the network's is product",
+            "its t_norm is minimum, the network's is product",
         ),
     ],
 )
 def test_another_partition_is_refused_with_a_way_out(
     tmp_path: Path, rules: RuleBase, words: str
 ) -> None:
-    path = tmp_path / "other.json"
-    rules.export(path)
-    with pytest.raises(RulesError) as refused:
-        read_prior(path, VARIABLES, 0.5)
-    assert str(path) in str(refused.value)
-    assert words in str(refused.value)
+    for ending in sorted(READERS):
+        path = tmp_path / f"other{ending}"
+        rules.export(path)
+        with pytest.raises(RulesError) as refused:
+            read_prior(path, VARIABLES, 0.5)
+        assert re.match(rf"{re.escape(str(path))}:\d+:\d+: ", str(refused.value))
+        assert words in str(refused.value)

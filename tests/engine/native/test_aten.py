@@ -181,7 +181,9 @@ def size(request, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("size")
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
+@pytest.mark.parametrize(
+    "dtype", [torch.float32, pytest.param(torch.float64, marks=pytest.mark.long)], ids=str
+)
 def test_operations_do_what_torch_does(dtype: torch.dtype) -> None:
     functions = REAL | {f"whole: {name}": function for name, function in WHOLE.items()}
     stays = data(dtype)

@@ -21,7 +21,8 @@ SPEEDS_RADPS = 0.05, 0.15
 def starts():
     seed = torch.arange(2**14)
     words = streams.draw(seed, torch.zeros_like(seed), torch.zeros_like(seed), Stream.START)
-    return ball.random_start(words[0], words[1], START_ANGLE_RAD, SPEEDS_RADPS, torch.float64)
+    u, v, *_ = streams.uniform(words, torch.float64)
+    return ball.random_start(u, v, streams.coin(words[1]), START_ANGLE_RAD, SPEEDS_RADPS)
 
 
 def test_position():
@@ -69,14 +70,16 @@ def test_either_way_round_is_as_likely_and_independent_of_the_rest(starts):
 
 
 def test_the_ends_of_the_ranges():
-    lowest, highest = torch.tensor(0), torch.tensor(2**32 - 1)
-    angle_rad, speed_radps = ball.random_start(lowest, lowest, 0.9, (0.05, 0.15), torch.float64)
+    ranges = 0.9, (0.05, 0.15)
+    lowest, highest = torch.tensor([0, 1 - 2**-24], dtype=torch.float64)
+    tails, heads = torch.tensor([False, True])
+    angle_rad, speed_radps = ball.random_start(lowest, lowest, tails, *ranges)
     assert (float(angle_rad), float(speed_radps)) == (-0.9, -0.05)
-    angle_rad, speed_radps = ball.random_start(highest, highest, 0.9, (0.05, 0.15), torch.float64)
+    angle_rad, speed_radps = ball.random_start(highest, highest, heads, *ranges)
     assert (float(angle_rad), float(speed_radps)) == pytest.approx((0.9, 0.15), abs=1e-6)
 
 
 def test_a_range_of_one_speed():
-    word = torch.arange(2**16) * 2**16
-    _, speed_radps = ball.random_start(word, word + 1, 0.0, (0.1, 0.1), torch.float32)
+    u = torch.arange(2**16) * 2.0**-16
+    _, speed_radps = ball.random_start(u, u, torch.ones_like(u).bool(), 0.0, (0.1, 0.1))
     assert speed_radps.unique().tolist() == torch.tensor([0.1]).tolist()
