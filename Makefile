@@ -11,10 +11,11 @@ STEPS := 10
 JAX := benchmarks/.jax
 SB3 := benchmarks/peers/.venv
 FOREIGN := tests/foreign/.venv
+BROWSER := tests/browser/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign browser fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
@@ -70,6 +71,9 @@ test-long: install  ## the tests that take long, which make test leaves out
 foreign: install $(FOREIGN)/installed  ## what other programs make of our files of rules; says what is missing (ONLY='not octave': fewer)
 	$(BIN)/python -m pytest -q -n auto -m foreign -k "$(ONLY)" tests/foreign
 
+browser: install $(BROWSER)/installed  ## the page of fnnq_torchrl.play in Chromium, which must be installed
+	$(BIN)/python -m pytest -q -m browser tests/browser
+
 fuzz: install  ## thousands of random overrides, of which the test suite tries a few
 	$(BIN)/python -m pytest -q tests/launch/test_bad_input.py -k overrides --hypothesis-profile long
 
@@ -113,8 +117,8 @@ format: install  ## rewrite the code as ruff would have it
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-clean:  ## remove .venv, the environments of JAX, of the peers and of foreign readers, dist and caches, never outputs/
-	rm -rf $(VENV) $(JAX) $(SB3) $(FOREIGN) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
+clean:  ## remove .venv, the environments of JAX, of the peers, of foreign readers and of the browser, dist and caches, never outputs/
+	rm -rf $(VENV) $(JAX) $(SB3) $(FOREIGN) $(BROWSER) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 # The pins hold for build backends too; from pip 25.3 on these have their own variable.
 $(STAMP) $(SB3)/installed: export PIP_CONSTRAINT := constraints.txt
@@ -134,6 +138,11 @@ $(JAX)/installed: benchmarks/jax-requirements.txt
 $(FOREIGN)/installed: tests/foreign/requirements.txt
 	@$(PYTHON) -m venv $(FOREIGN)
 	@$(FOREIGN)/bin/python -m pip install -qq -r $<
+	@touch $@
+
+$(BROWSER)/installed: tests/browser/requirements.txt
+	@$(PYTHON) -m venv $(BROWSER)
+	@$(BROWSER)/bin/python -m pip install -qq -r $<
 	@touch $@
 
 $(SB3)/installed: benchmarks/peers/requirements.txt pyproject.toml constraints.txt

@@ -42,6 +42,7 @@ def test_holds_the_packages_and_the_configuration(wheel: Path) -> None:
             ("envs", "py.typed"),
             ("fnnq_torchrl", "*.py"),
             ("fnnq_torchrl", "py.typed"),
+            ("fnnq_torchrl/studies/play", "play.*"),
             ("hydra_plugins", "*.py"),
             ("conf", "*.*"),
         )

@@ -1,5 +1,7 @@
 """The paper's task as a TorchRL environment: a robot on two wheels follows a rolling ball."""
 
+from typing import ClassVar
+
 import torch
 from torch import Tensor
 
@@ -34,7 +36,13 @@ class FollowBall(PureEnv):
     """
 
     schema = FollowBallConfig
-    state_keys = "x_m", "y_m", "heading_rad", "ball_angle_rad", "ball_speed_radps"
+    state_keys: ClassVar[tuple[str, ...]] = (
+        "x_m",
+        "y_m",
+        "heading_rad",
+        "ball_angle_rad",
+        "ball_speed_radps",
+    )
     world: FollowBallConfig
 
     def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
@@ -62,9 +70,7 @@ class FollowBall(PureEnv):
             world.track_width_m,
             world.time_step_s,
         )
-        speed_radps = state["ball_speed_radps"]
-        angle_rad = balls.roll(state["ball_angle_rad"], speed_radps, world.time_step_s)
-        ball_x_m, ball_y_m = balls.position(angle_rad, world.circle_radius_m)
+        ball, ball_x_m, ball_y_m = self._roll(state)
         east_m, north_m = ball_x_m - x_m, ball_y_m - y_m
         words = streams.draw(state["seed"], state["episode"], state["step"], Stream.STEP)
         u, v, chance, _ = streams.uniform(words, self.dtype)
@@ -82,8 +88,7 @@ class FollowBall(PureEnv):
             "x_m": x_m,
             "y_m": y_m,
             "heading_rad": heading_rad,
-            "ball_angle_rad": angle_rad,
-            "ball_speed_radps": speed_radps,
+            **ball,
             "bearing": self._look(
                 direction_rad, heading_rad, streams.box_muller(u, v), state["episode"]
             ),
@@ -100,6 +105,13 @@ class FollowBall(PureEnv):
         world = self.world
         speeds_radps = world.ball_speed_min_radps, world.ball_speed_max_radps
         return balls.random_start(u, v, heads, world.start_angle_rad, speeds_radps)
+
+    def _roll(self, state: Entries) -> tuple[Entries, Tensor, Tensor]:
+        """Return the ball's state after a step, and its x and y in m."""
+        world, speed_radps = self.world, state["ball_speed_radps"]
+        angle_rad = balls.roll(state["ball_angle_rad"], speed_radps, world.time_step_s)
+        entries = {"ball_angle_rad": angle_rad, "ball_speed_radps": speed_radps}
+        return entries, *balls.position(angle_rad, world.circle_radius_m)
 
     def _look(
         self,

@@ -10,7 +10,8 @@ A lane is the place of one run in a batch. The stages:
 3. :mod:`.loop` compares the two runs: each must compute the same function of its own state alone.
 4. :mod:`.nests` orders one run's expressions and puts families in loops. A sum shares the loop of
    the products that it adds up.
-5. :mod:`.source` writes the C++ program; :mod:`.build` compiles and caches it.
+5. :mod:`.statements` writes them as text, in the words of a language: :mod:`.source` has those of
+   C++, and writes the program; :mod:`.build` compiles and caches it.
 """
 
 from .build import cache_directory, compiler, compiler_found

@@ -16,7 +16,8 @@ from .arrays import Array, inputs, large_sizes
 from .build import build
 from .executor import Executor
 from .expressions import Expression, Expressions, Place, in_order
-from .source import Leaf, program
+from .source import program
+from .statements import Leaf
 
 _MOST = 40_000
 """The most expressions in the steps of two runs; C++ compilers take minutes for more."""
@@ -91,6 +92,25 @@ def source(step: Step, stays: TensorDictBase, state: TensorDictBase) -> str:
         stays, state: examples of its inputs, batch size ``[2]``.
 
     Raises:
+        Unsupported, RunsMixed: as in :func:`written_out`.
+    """
+    fixed, carried = [*leaves(stays)], [*leaves(state)]
+    over = len(fixed) + carried.index("over") if "over" in carried else None
+    return program(written_out(step, stays, state), over)
+
+
+def written_out(step: Step, stays: TensorDictBase, state: TensorDictBase) -> list[Leaf]:
+    """Return what one run computes in a step, as scalar expressions.
+
+    Args:
+        step: the step for two runs.
+        stays, state: examples of its inputs, batch size ``[2]``.
+
+    Returns:
+        The leaves of ``stays`` and then those of ``state`` (:func:`.graphs.leaves`), with their new
+        values.
+
+    Raises:
         Unsupported: if the step has an operation without a translation, or too many operations.
         RunsMixed: if a run's next state depends on other runs or on the run's lane.
     """
@@ -110,13 +130,10 @@ def source(step: Step, stays: TensorDictBase, state: TensorDictBase) -> str:
         for place, value in one:
             if value is not make.input(leaf, place, 0, value.dtype):
                 changes[leaf].append((place, value))
-    return program(
-        [
-            Leaf(tensor.dtype, tensor[..., 0].numel(), change)
-            for tensor, change in zip(tensors, changes, strict=True)
-        ],
-        [*fixed, *carried].index("over") if "over" in carried else None,
-    )
+    return [
+        Leaf(tensor.dtype, tensor[..., 0].numel(), change)
+        for tensor, change in zip(tensors, changes, strict=True)
+    ]
 
 
 def _write_out(graph: GraphModule, given: Sequence[Array], make: Expressions) -> list[Array]:

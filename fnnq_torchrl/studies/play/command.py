@@ -1,0 +1,83 @@
+"""Play with a learned controller in the browser: ``python -m fnnq_torchrl.play run=DIR``.
+
+The page is served at 127.0.0.1, to this machine only, until Ctrl-C.
+
+Keys, each as key=value:
+
+    run     the directory of a finished job of task=follow
+    seed    the seed of one of its runs (default: the first)
+    to      a file to write the page to, instead of serving it; browsers open it from disk
+    port    the port at which the page is served (default: any free one)
+    own     true: import your own classes that the job's configuration names
+"""
+
+import sys
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+
+from fnnq_torchrl.config.schema import ConfigError
+from fnnq_torchrl.launch.words import parse, whole
+
+_DEFAULTS = {"run": "", "seed": "", "to": "", "port": "0", "own": "false"}
+
+
+def main() -> None:
+    """Run the command; report an error as one line on stderr and exit with status 2."""
+    if {"-h", "--help"} & {*sys.argv[1:]}:
+        sys.stdout.write(__doc__ or "")
+        return
+    try:
+        _run(_DEFAULTS | parse(sys.argv[1:], _DEFAULTS, ["run"]))
+    except (ConfigError, OSError, ValueError) as error:
+        sys.stderr.write(f"{' '.join(str(error).split())}\n")
+        sys.exit(2)
+
+
+def _run(given: dict[str, str]) -> None:
+    port = whole(given, "port", low=0)
+    seed = whole(given, "seed", low=0) if given["seed"] else None
+    if given["own"] not in ("true", "false"):
+        raise ConfigError(f"own={given['own']}: must be true or false")
+    # Imported after the checks, because importing torch takes seconds.
+    from fnnq_torchrl.files.atomic import atomic_write
+    from fnnq_torchrl.studies.play.page import make_page
+
+    page = make_page(Path(given["run"]), seed, own=given["own"] == "true").encode()
+    if given["to"]:
+        with atomic_write(Path(given["to"])) as file:
+            file.write(page)
+        sys.stdout.write(f"{given['to']}\n")
+        return
+    with make_server(page, port) as server:
+        host, at = server.server_address[:2]
+        sys.stdout.write(f"open http://{host!s}:{at} in a browser; Ctrl-C ends this\n")
+        sys.stdout.flush()
+        with suppress(KeyboardInterrupt):
+            server.serve_forever()
+
+
+def make_server(page: bytes, port: int = 0) -> HTTPServer:
+    """Return a server of one page at 127.0.0.1, which other machines can't reach.
+
+    Args:
+        page: the page, HTML in UTF-8.
+        port: the port; 0 for any free one.
+
+    Raises:
+        OSError: if the port is taken.
+    """
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            found = self.path == "/"
+            self.send_response(200 if found else 404)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(page) if found else 0))
+            self.end_headers()
+            self.wfile.write(page if found else b"")
+
+        def log_message(self, *_: object) -> None:
+            """Tell nothing of each request."""
+
+    return HTTPServer(("127.0.0.1", port), Handler)

@@ -1,0 +1,128 @@
+"""The step that the page repeats, written out in JavaScript: a greedy action, then the world."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torch.func import functional_call
+
+from envs.core.world import WorldConfig
+from envs.robot.held_ball import HeldBall
+from envs.robot.schemas import FollowBallConfig
+from fnnq_torchrl.agent.gradient import gradient
+from fnnq_torchrl.agent.learning_step import act
+from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
+from fnnq_torchrl.agent.values import FNNQValue, ValueNetwork
+from fnnq_torchrl.engine.graphs import leaves
+from fnnq_torchrl.engine.loops import Step
+from fnnq_torchrl.engine.native.javascript import ARRAYS, module
+from fnnq_torchrl.engine.native.loop import written_out
+
+DIALS = "speed_mps", "bearing_noise_rad"
+"""The world's parameters that the page can change between steps."""
+
+
+class _Dialled:
+    """A world's parameters, of which some are tensors instead of the configuration's numbers."""
+
+    def __init__(self, world: WorldConfig, dials: dict[str, Tensor]) -> None:
+        self._world, self._dials = world, dials
+
+    def __getattr__(self, name: str) -> Any:
+        return self._dials[name] if name in self._dials else getattr(self._world, name)
+
+
+@dataclass(frozen=True)
+class Program:
+    """A step in JavaScript, and the leaves that it takes.
+
+    Attributes:
+        text: the module, which exports ``step(leaf)``.
+        leaves: for each leaf its name (``weights/weight``, ``world/x_m``), the class of its array
+            and its numbers at the start.
+    """
+
+    text: str
+    leaves: list[tuple[str, str, list[float]]]
+
+
+@torch.no_grad()
+def write_program(world: FollowBallConfig, network: ValueNetwork, seed: int) -> Program:
+    """Write the step of a network's greedy policy in a world whose ball can be held.
+
+    Args:
+        world: the parameters of the world.
+        network: the network, with one run's weights.
+        seed: the seed of the world's random numbers.
+
+    Raises:
+        Unsupported: if an operation of the step has no translation.
+    """
+    step, stays, state = make_step(world, network, seed)
+    numbers = {**leaves(stays), **leaves(state)}
+    return Program(
+        module(written_out(step, stays, state)),
+        [
+            (name, ARRAYS[leaf.dtype], leaf[..., 0].flatten().tolist())
+            for name, leaf in numbers.items()
+        ],
+    )
+
+
+def make_step(
+    world: FollowBallConfig, network: ValueNetwork, seed: int
+) -> tuple[Step, TensorDict, TensorDict]:
+    """Return the step of two runs, what it takes and the state before it.
+
+    Besides ``world``, the state has ``action``, ``action_value`` of all candidates, ``done``,
+    ``success`` and, for a network with rules, ``fired``, the strength with which each rule fired
+    for the action, shaped as the consequents.
+
+    Args:
+        world, network, seed: as in :func:`write_program`.
+    """
+    env = HeldBall(world, [2], seed=torch.full([2], seed), dtype=network.candidates.dtype)
+    start = env.reset()
+    weights, real = network.start(start["seed"]), torch.zeros_like(start["chance"])
+    dials = {name: real + getattr(world, name) for name in DIALS}
+    no = torch.zeros_like(real, dtype=torch.bool)
+    told = {
+        "action": real.clone(),
+        "action_value": real.new_zeros(2, len(network.candidates)),
+        "done": no,
+        "success": no.clone(),
+    }
+    if isinstance(network, FNNQValue):
+        told["fired"] = torch.zeros_like(weights["weight"])
+    kept = [*map(str, env.state_spec.keys()), "chance"]
+    stays = TensorDict({"weights": weights, "epsilon": real, **dials}, [2])
+    state = TensorDict({"world": start.select(*kept), **told}, [2])
+    return _step(env, network), stays, state
+
+
+def _step(env: HeldBall, network: ValueNetwork) -> Step:
+    policy, world = EpsilonGreedyPolicy(network, epsilon=0.0), env.world
+
+    def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+        env.world = _Dialled(world, {name: stays[name] for name in DIALS})  # type: ignore[assignment]
+        weights = dict(stays["weights"].items())
+        acted = act(policy, weights, stays["epsilon"], state["world"])
+        observations = [state["world"][key] for key in network.in_keys]
+
+        def value(weights: dict[str, Tensor]) -> tuple[Tensor, None]:
+            chosen = functional_call(
+                network, weights, (*observations,), {"action": acted["action"]}
+            )
+            return chosen.sum(), None
+
+        after = env.step(acted)["next"]
+        told = {key: acted[key] for key in ("action", "action_value")}
+        told |= {key: after[key] for key in ("done", "success")}
+        if "fired" in state:
+            told["fired"] = gradient(value, weights)[0]["weight"]
+        world_after = after.select(*state["world"].keys())
+        return TensorDict({"world": world_after, **told}, state.batch_size)
+
+    return step

@@ -1,0 +1,106 @@
+"""Visit the page of `fnnq_torchrl.play` in Chromium, do what a reader does, print what is seen.
+
+It runs in an environment of its own: python visit.py PAGE CHROMIUM
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, sync_playwright
+
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+STEPS = """(count) => {
+    const { learned, step } = globalThis.play;
+    const leaves = () => Object.fromEntries(
+        Object.entries(learned.of).map(([name, of]) => [name, Array.from(of, String)]));
+    const states = [leaves()];
+    for (let n = 0; n < count; ++n) {
+        learned.of["world/held"][0] = n < 5 ? 0 : 1;
+        step(learned.leaf);
+        states.push(leaves());
+    }
+    return states;
+}"""
+ACT = "(play.step(play.learned.leaf), play.learned.of.action[0])"
+
+
+def visit(browser: Browser, address: str, width: int, scheme: str) -> tuple[Page, list[str]]:
+    """Open the page without a network; return it, and its complaints so far and later."""
+    context = browser.new_context(
+        viewport={"width": width, "height": 900},
+        color_scheme=scheme,
+        offline=True,
+    )
+    page, complaints = context.new_page(), list[str]()
+    page.on("console", lambda told: complaints.append(told.text) if told.type == "error" else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(address)
+    page.wait_for_function("globalThis.play.robots.some((robot) => robot.trail.length > 2)")
+    return page, complaints
+
+
+def main() -> None:
+    address, chromium = Path(sys.argv[1]).absolute().as_uri(), sys.argv[2]
+    seen: dict[str, Any] = {"complaints": [], "violations": [], "widths": []}
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
+        for width, scheme in ((1200, "light"), (1200, "dark"), (360, "light")):
+            page, complaints = visit(browser, address, width, scheme)
+            found = Axe().run(page).response["violations"]
+            seen["violations"] += [
+                each["id"] for each in found if each["impact"] in ("serious", "critical")
+            ]
+            seen["widths"] += [page.evaluate("document.documentElement.scrollWidth - innerWidth")]
+            seen["complaints"] += complaints
+        page, complaints = visit(browser, address, 1200, "light")
+        page.click("#pause")
+        seen["states"] = page.evaluate(STEPS, 20)
+        page.click("#restart")
+        # A drag to the lower left corner of the second picture.
+        box = page.locator("#after").bounding_box()
+        assert box is not None
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.1 * box["width"], box["y"] + 0.9 * box["height"], steps=5)
+        page.mouse.up()
+        seen["dragged"] = page.evaluate("({ ...play.ball })")
+        page.click("#pause")
+        page.wait_for_function("play.learned.trail.length > 10")
+        page.click("#pause")
+        seen["turned"] = page.evaluate("play.learned.after[2]")
+        page.focus("#after")
+        page.keyboard.press("ArrowUp")
+        seen["moved"] = page.evaluate("({ ...play.ball })")
+        seen["actions"] = [
+            page.evaluate("(play.step(play.learned.leaf), play.learned.of.action[0])")
+        ]
+        for column in range(4):  # steering hard to the right is now best everywhere
+            for row in range(5):
+                cell = page.locator("#grid tbody tr").nth(row).locator("input").nth(column)
+                cell.fill("1" if column == 3 else "0")
+        seen["actions"] += [
+            page.evaluate("(play.step(play.learned.leaf), play.learned.of.action[0])")
+        ]
+        seen["files"] = {}
+        for name in ("rules.txt", "rules.fll", "rules.c", "rules.h"):
+            with page.expect_download() as waiting:
+                page.get_by_role("button", name=name, exact=True).click()
+            seen["files"][name] = Path(waiting.value.path()).read_text()
+        seen["complaints"] += complaints
+        browser.close()
+    print(json.dumps(seen))
+
+
+if __name__ == "__main__":
+    main()
