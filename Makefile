@@ -9,15 +9,17 @@ SEEDS := 1000
 KILLS := 25
 STEPS := 10
 JAX := benchmarks/.jax
+VMAS := benchmarks/.vmas
+IRSIM := benchmarks/.irsim
 SB3 := benchmarks/peers/.venv
 FOREIGN := tests/foreign/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
 
 install: $(STAMP)  ## everything into .venv, at the versions of constraints.txt (PYTHON=… picks the interpreter)
 
@@ -90,12 +92,20 @@ bench: install  ## measure the figures of the README and docs/performance.md (SP
 	-@$(MAKE) --no-print-directory bench-jax
 	$(BIN)/python benchmarks/command.py
 	$(BIN)/python benchmarks/speed.py --write docs/performance.md $(SPEED)
+	@$(MAKE) --no-print-directory bench-worlds
+
+bench-worlds: install  ## the part of bench on worlds, beside VMAS and IR-SIM if they install (WORLDS=--quick: a check)
+	-@$(MAKE) --no-print-directory $(VMAS)/installed $(IRSIM)/installed
+	$(BIN)/python benchmarks/worlds.py --write docs/performance.md $(WORLDS)
 
 bench-loggers: install  ## time the logging of 1,000 runs, for docs/loggers.md
 	$(BIN)/python benchmarks/loggers.py
 
 agreement: install  ## compare 2,000 runs that learn eagerly and compiled; takes minutes
 	$(BIN)/python benchmarks/agreement.py
+
+random-driving: install  ## a million random steps in 1,000 random worlds: no overlap, no NaN, no impossible reading
+	$(BIN)/python benchmarks/random_driving.py
 
 bench-jax: $(JAX)/installed  ## install JAX in its own environment for bench, which skips JAX if that fails
 
@@ -111,8 +121,8 @@ format: install  ## rewrite the code as ruff would have it
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-clean:  ## remove .venv, the environments of JAX, of the peers and of foreign readers, dist and caches, never outputs/
-	rm -rf $(VENV) $(JAX) $(SB3) $(FOREIGN) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
+clean:  ## remove .venv, the environments of JAX, VMAS, IR-SIM, the peers and foreign readers, dist and caches, never outputs/
+	rm -rf $(VENV) $(JAX) $(VMAS) $(IRSIM) $(SB3) $(FOREIGN) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 # The pins hold for build backends too; from pip 25.3 on these have their own variable.
 $(STAMP) $(SB3)/installed: export PIP_CONSTRAINT := constraints.txt
@@ -124,9 +134,9 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(BIN)/python -m pip install -qq -e '.[dev]'
 	@touch $@
 
-$(JAX)/installed: benchmarks/jax-requirements.txt
-	@$(PYTHON) -m venv $(JAX)
-	@$(JAX)/bin/python -m pip install -qq -r $<
+$(JAX)/installed $(VMAS)/installed $(IRSIM)/installed: benchmarks/.%/installed: benchmarks/%-requirements.txt
+	@$(PYTHON) -m venv $(@D)
+	@$(@D)/bin/python -m pip install -qq -r $<
 	@touch $@
 
 $(FOREIGN)/installed: tests/foreign/requirements.txt
