@@ -16,7 +16,7 @@ FOREIGN := tests/foreign/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers agreement random-driving torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
@@ -111,6 +111,9 @@ bench-jax: $(JAX)/installed  ## install JAX in its own environment for bench, wh
 
 peers: install $(SB3)/installed  ## docs/peers.md: TorchRL's and Stable-Baselines3's DQN on the same task (takes twelve minutes)
 	$(BIN)/python -m benchmarks.peers
+
+check-sb3: install $(SB3)/installed  ## Stable-Baselines3's checker on the tasks that are registered with Gymnasium
+	$(SB3)/bin/python -m benchmarks.peers.checker
 
 lint: install  ## ruff and mypy
 	$(BIN)/ruff check
