@@ -9,16 +9,18 @@ SEEDS := 1000
 KILLS := 25
 STEPS := 10
 JAX := benchmarks/.jax
+VMAS := benchmarks/.vmas
+IRSIM := benchmarks/.irsim
 SB3 := benchmarks/peers/.venv
 FOREIGN := tests/foreign/.venv
 BROWSER := tests/browser/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign browser fuzz test-wheel bench bench-jax bench-loggers peers agreement torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign browser fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
 
 install: $(STAMP)  ## everything into .venv, at the versions of constraints.txt (PYTHON=… picks the interpreter)
 
@@ -96,6 +98,11 @@ bench: install  ## measure the figures of the README and docs/performance.md (SP
 	-@$(MAKE) --no-print-directory bench-jax
 	$(BIN)/python benchmarks/command.py
 	$(BIN)/python benchmarks/speed.py --write docs/performance.md $(SPEED)
+	@$(MAKE) --no-print-directory bench-worlds
+
+bench-worlds: install  ## the part of bench on worlds, beside VMAS and IR-SIM if they install (WORLDS=--quick: a check)
+	-@$(MAKE) --no-print-directory $(VMAS)/installed $(IRSIM)/installed
+	$(BIN)/python benchmarks/worlds.py --write docs/performance.md $(WORLDS)
 
 bench-loggers: install  ## time the logging of 1,000 runs, for docs/loggers.md
 	$(BIN)/python benchmarks/loggers.py
@@ -103,10 +110,16 @@ bench-loggers: install  ## time the logging of 1,000 runs, for docs/loggers.md
 agreement: install  ## compare 2,000 runs that learn eagerly and compiled; takes minutes
 	$(BIN)/python benchmarks/agreement.py
 
+random-driving: install  ## a million random steps in 1,000 random worlds: no overlap, no NaN, no impossible reading
+	$(BIN)/python benchmarks/random_driving.py
+
 bench-jax: $(JAX)/installed  ## install JAX in its own environment for bench, which skips JAX if that fails
 
 peers: install $(SB3)/installed  ## docs/peers.md: TorchRL's and Stable-Baselines3's DQN on the same task (takes twelve minutes)
 	$(BIN)/python -m benchmarks.peers
+
+check-sb3: install $(SB3)/installed  ## Stable-Baselines3's checker on the tasks that are registered with Gymnasium
+	$(SB3)/bin/python -m benchmarks.peers.checker
 
 lint: install  ## ruff and mypy
 	$(BIN)/ruff check
@@ -117,8 +130,8 @@ format: install  ## rewrite the code as ruff would have it
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-clean:  ## remove .venv, the environments of JAX, of the peers, of foreign readers and of the browser, dist and caches, never outputs/
-	rm -rf $(VENV) $(JAX) $(SB3) $(FOREIGN) $(BROWSER) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
+clean:  ## remove .venv and the environments of benchmarks, foreign readers and the browser, dist and caches, never outputs/
+	rm -rf $(VENV) $(JAX) $(VMAS) $(IRSIM) $(SB3) $(FOREIGN) $(BROWSER) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 # The pins hold for build backends too; from pip 25.3 on these have their own variable.
 $(STAMP) $(SB3)/installed: export PIP_CONSTRAINT := constraints.txt
@@ -130,9 +143,9 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(BIN)/python -m pip install -qq -e '.[dev]'
 	@touch $@
 
-$(JAX)/installed: benchmarks/jax-requirements.txt
-	@$(PYTHON) -m venv $(JAX)
-	@$(JAX)/bin/python -m pip install -qq -r $<
+$(JAX)/installed $(VMAS)/installed $(IRSIM)/installed: benchmarks/.%/installed: benchmarks/%-requirements.txt
+	@$(PYTHON) -m venv $(@D)
+	@$(@D)/bin/python -m pip install -qq -r $<
 	@touch $@
 
 $(FOREIGN)/installed: tests/foreign/requirements.txt

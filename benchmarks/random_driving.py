@@ -11,7 +11,7 @@ import torch
 
 from envs.worlds import make_world
 from fnnq_torchrl.launch.composition import load_config
-from tests.envs.robot.test_arena import check_state
+from tests.envs.robot.scenes import check_state, full_scene
 
 
 def main() -> None:
@@ -20,8 +20,8 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=1000)
     parser.add_argument("--steps", type=int, default=1_000_000)
     arguments = parser.parse_args()
-    # Robots that stop at what they touch, so that they push against it from all sides.
-    scene = load_config("task=follow_obstacles", "env.robot.collision=stop").env
+    # A robot stops at what it touches, so it pushes against it from all sides.
+    scene = full_scene(load_config("task=follow_obstacles").env)
     env = make_world(scene, [arguments.worlds])
     began, state = time.perf_counter(), env.reset()
     rounds = -(-arguments.steps // arguments.worlds)

@@ -24,10 +24,10 @@ from yardsticks import (
     NETWORKS,
     Reading,
     build_c_limit,
-    jax_version,
     measure_c_limit,
     measure_jax,
     nearest,
+    version_of,
 )
 
 RUNS = [22, 110, 1104, 11008, 49984]
@@ -192,7 +192,7 @@ def main() -> None:
     sections = {
         "machine": describe_machine(),
         "gpu": "It has no GPU, so there are no figures on one: they are still to be measured.",
-        "jax": jax_version(),
+        "jax": version_of("jax"),
         "repetitions": str(given.repetitions),
         "speed": speed_table(sizes),
         "networks": network_table(given.repetitions),

@@ -1,10 +1,11 @@
 """Peng's Q(λ) with the Q-function and its eligibility trace in a fuzzy neural network, in TorchRL.
 
 A public name is imported when it is first used. So a configuration can be checked without importing
-torch.
+torch. Importing the package registers its tasks with Gymnasium, if that is installed.
 """
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 _HOMES = {
@@ -45,3 +46,9 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return __all__
+
+
+if find_spec("gymnasium") is not None:  # it is an extra
+    from fnnq_torchrl.launch.registration import register_envs
+
+    register_envs()

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.image import imsave
+from PIL import Image
 
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.jobs import Job
@@ -34,7 +35,7 @@ def keys_read(schema: type, monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
 
 def write_job(directory: Path, *overrides: str, sweep: Path | None = None) -> Job:
-    """Write the files of a finished job with these overrides; its picture has a single colour."""
+    """Write the files of a finished job with these overrides; its pictures have a single colour."""
     job = Job(load_config("situations=40", *overrides), directory, sweep)
     directory.mkdir(parents=True, exist_ok=True)
     evaluations = invented(asdict(job.config), 4.0)
@@ -49,4 +50,7 @@ def write_job(directory: Path, *overrides: str, sweep: Path | None = None) -> Jo
     write_evaluations(directory / "evaluations.csv", outcome)
     write_summary(directory / "summary.json", summarise(outcome))
     imsave(directory / "learning_curve.png", np.full((6, 8, 3), [1.0, 0.5, 0.0]))
+    if job.config.logger.video:
+        frames = [Image.new("RGB", (6, 4), colour) for colour in ("red", "blue")]
+        frames[0].save(directory / "robot.gif", save_all=True, append_images=frames[1:])
     return job

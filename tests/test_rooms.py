@@ -45,7 +45,7 @@ ONLY_IN = {
 }
 
 # Libraries of an extra, imported only if the user asks for them.
-OPTIONAL = {"PIL", "gymnasium", "mlflow", "sklearn", "submitit", "wandb"}
+OPTIONAL = {"PIL", "gymnasium", "mlflow", "sklearn", "submitit", "tensorboard", "wandb"}
 
 PACKAGES = ("envs", "fnnq_torchrl", "hydra_plugins")
 

@@ -1,7 +1,8 @@
-"""Yardsticks: the default experiment as written by hand in C, and as written in JAX.
+"""Yardsticks: the default experiment in C and in JAX, and robots with a lidar in other simulators.
 
-`make bench` compares our speed with `limit.c` and `jax_scan.py`. `limit_mlp.c` and `limit_tiles.c`
-are the same experiment with other value functions. They are run by hand, as their first lines say.
+`make bench` compares our speed with all of them. `limit_mlp.c` and `limit_tiles.c` are the default
+experiment with other value functions. `vmas_lidar.py` and `irsim_lidar.py` drive at random in VMAS
+and IR-SIM. JAX, VMAS and IR-SIM have virtual environments of their own.
 """
 
 import re
@@ -57,7 +58,7 @@ def build_c_limit(directory: Path, limit: Limit = FNNQ) -> Path | None:
     try:
         run_watched(["gcc", *flags, str(FOLDER / limit.source), "-o", str(program), "-lm"])
     except (OSError, subprocess.CalledProcessError) as error:
-        print(f"C limit: not measured, {_reason(error)}", flush=True)
+        print(f"C limit: not measured, {reason(error)}", flush=True)
         return None
     return program
 
@@ -76,14 +77,18 @@ def measure_jax(python: Path) -> dict[int, Reading]:
     try:
         return readings_of(run_watched([str(python), str(FOLDER / "jax_scan.py")]))
     except (OSError, subprocess.CalledProcessError) as error:
-        print(f"JAX: not measured, {_reason(error)}", flush=True)
+        print(f"JAX: not measured, {reason(error)}", flush=True)
         return {}
 
 
-def jax_version() -> str:
-    """Return the pinned version of JAX, such as ``jax==0.10.2``."""
-    lines = (FOLDER.parent / "jax-requirements.txt").read_text().splitlines()
-    return next(line for line in lines if line.startswith("jax=="))
+def version_of(package: str) -> str:
+    """Return the pinned version of a yardstick's package, such as ``jax==0.10.2``."""
+    lines = [
+        line
+        for file in sorted(FOLDER.parent.glob("*-requirements.txt"))
+        for line in file.read_text().splitlines()
+    ]
+    return next(line for line in lines if line.startswith(f"{package}=="))
 
 
 def nearest(readings: dict[int, Reading], runs: int) -> Reading | None:
@@ -102,7 +107,8 @@ def readings_of(finished: Finished) -> dict[int, Reading]:
     }
 
 
-def _reason(error: OSError | subprocess.CalledProcessError) -> str:
+def reason(error: OSError | subprocess.CalledProcessError) -> str:
+    """Return the line that says why a program failed."""
     complaint = error.stderr if isinstance(error, subprocess.CalledProcessError) else ""
     lines = (complaint or str(error)).strip().splitlines()
     return next((line for line in lines if "rror:" in line), lines[-1])

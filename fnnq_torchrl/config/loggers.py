@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from envs.core.parameters import Parameters, matching, number, one_of, texts
+from envs.core.parameters import Parameters, flag, matching, number, one_of, texts
 
 
 @dataclass
@@ -39,6 +39,7 @@ class MlflowConfig(Parameters):
 class LoggerConfig(Parameters):
     """The settings of the chosen loggers; None for a logger that isn't chosen."""
 
+    video: bool = flag(default=False)  # as without loggers, in configurations of other jobs
     wandb: WandbConfig | None = None
     tensorboard: TensorboardConfig | None = None
     mlflow: MlflowConfig | None = None

@@ -1,7 +1,4 @@
-"""The tasks for Gymnasium: ``gymnasium.make("fnnq/Follow-v0")``.
-
-Where the package is installed, Gymnasium finds `register_envs` by itself.
-"""
+"""The tasks for Gymnasium: ``gymnasium.make("fnnq/Follow-v0")`` after ``import fnnq_torchrl``."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +43,3 @@ def make_vector(num_envs: int, task: str, **_: Any) -> "GymWorlds":
 
     config = load_config(f"task={task}")
     return GymWorlds(num_envs, config.env, config.action.candidates)
-
-
-register_envs()

@@ -1,10 +1,11 @@
-"""Draws the learning curves of jobs and sweeps. A failure is reported but stops no training."""
+"""Draws learning curves, and videos of the robot. A failure is reported but stops no training."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from math import ceil
 from pathlib import Path
 
-from fnnq_torchrl.training.jobs import PICTURE, Job
+from fnnq_torchrl.training.jobs import PICTURE, VIDEO, Job
 from fnnq_torchrl.training.pictures.curve import Curve
 from fnnq_torchrl.training.score import Score
 from fnnq_torchrl.training.terminal import announce
@@ -19,12 +20,31 @@ def draw_job(job: Job) -> None:
         learning_curve(job.directory / "evaluations.csv", picture, Score.of(job.config))
 
 
+def draw_video(job: Job) -> None:
+    """Draw the first situations of a finished job's last test, played by its first run."""
+    video = job.directory / VIDEO
+    with _optional(video):
+        from fnnq_torchrl.training.watching import play, write_gif
+        from fnnq_torchrl.training.weights import load_checkpoint
+
+        checkpoint = load_checkpoint(job.directory / "checkpoint.pt")
+        panels = min(_PANELS, job.config.evaluation.tests)
+        [films] = play(job.config, checkpoint, [int(checkpoint.seed[0])], panels, learned=True)
+        titles = [f"after learning, test {number}" for number in range(panels)]
+        every = max(2, ceil(max(map(len, films)) / _FRAMES))
+        write_gif(films, titles, video, size_px=_PANEL_PX, every=every, columns=panels)
+
+
 def draw_sweep(curves: Sequence[Curve], of: str, picture: Path, score: Score) -> None:
     """Draw the learning curves of a sweep; the arguments are those of `sweep_curves`."""
     with _optional(picture):
         from fnnq_torchrl.training.pictures.curves import sweep_curves
 
         sweep_curves(curves, of, picture, score)
+
+
+_PANELS, _PANEL_PX = 3, 240
+_FRAMES = 80  # at most, in a video; each takes some hundredths of a second to draw
 
 
 @contextmanager

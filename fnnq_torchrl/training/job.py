@@ -18,9 +18,9 @@ from fnnq_torchrl.agent.rules import partition
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
 from fnnq_torchrl.files.atomic import clear_leftovers
 from fnnq_torchrl.training.batch import Batch
-from fnnq_torchrl.training.drawing import draw_job
+from fnnq_torchrl.training.drawing import draw_job, draw_video
 from fnnq_torchrl.training.firing import FIRING, write_firing
-from fnnq_torchrl.training.jobs import PICTURE, SNAPSHOTS, Job, JobFailed
+from fnnq_torchrl.training.jobs import PICTURE, SNAPSHOTS, VIDEO, Job, JobFailed
 from fnnq_torchrl.training.loggers import Loggers
 from fnnq_torchrl.training.memberships import gaps_in_words, with_found_labels
 from fnnq_torchrl.training.memory import check_memory
@@ -52,7 +52,8 @@ def run_job(config: Config, directory: Path) -> float:
 
     The files are written in this order: ``checkpoint.pt``, ``snapshots.pt`` (only with
     ``checkpoint.snapshots=true``), ``firing.csv`` (only with ``rules.count_firing=true``),
-    ``evaluations.csv``, ``summary.json``, ``learning_curve.png`` (unless drawing fails).
+    ``evaluations.csv``, ``summary.json``, ``learning_curve.png`` (unless drawing fails),
+    ``robot.gif`` (only with ``logger.video=true``, and unless drawing fails).
 
     Returns:
         The mean score over the runs, which is the job's objective.
@@ -202,10 +203,13 @@ def _run_batch(
     if isinstance(results[-1], OSError):
         with suppress(OSError):  # probably for the same reason; the earlier save stays
             saved.save(trainer.ledger, [])
-    if pictures:  # last, and in this thread, since Matplotlib isn't thread-safe
-        for job, result in zip(batch.jobs, results, strict=True):
-            if isinstance(result, float):
+    # Last, and in this thread, since Matplotlib isn't thread-safe.
+    for job, result in zip(batch.jobs, results, strict=True):
+        if isinstance(result, float):
+            if pictures:
                 draw_job(job)
+            if job.config.logger.video:
+                draw_video(job)
     if not isinstance(results[-1], OSError):
         saved.discard()
     return results
@@ -241,7 +245,7 @@ def _train(
 
 def _write(job: Job, outcome: Outcome, pages: TensorDictBase, fired: Tensor | None) -> float:
     directory, config = job.directory, job.config
-    for name in ("summary.json", SNAPSHOTS, FIRING, PICTURE):  # files of earlier runs
+    for name in ("summary.json", SNAPSHOTS, FIRING, PICTURE, VIDEO):  # files of earlier runs
         (directory / name).unlink(missing_ok=True)
     settings = asdict(config)
     del settings["logger"]  # no weight depends on it; its library may be missing

@@ -20,6 +20,9 @@ RESULTS = ("checkpoint.pt", "evaluations.csv", "summary.json")
 PICTURE = "learning_curve.png"
 """The file with the learning curve."""
 
+VIDEO = "robot.gif"
+"""The file with the video of the robot after learning, drawn with ``logger.video=true``."""
+
 SNAPSHOTS = "snapshots.pt"
 """The file with the weights of all evaluations, written with ``checkpoint.snapshots=true``."""
 

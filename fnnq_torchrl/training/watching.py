@@ -138,7 +138,7 @@ def write_gif(
     ]
     # One palette for all frames means less flicker and fewer bytes. The last frame has all colours.
     palette = frames[-1].quantize(
-        _COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
+        _COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
     )
     frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     durations_ms = [round(1000 * FRAME_S)] * (len(frames) - 1) + [_PAUSE_MS]

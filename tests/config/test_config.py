@@ -117,7 +117,7 @@ def test_the_defaults_are_the_papers_and_spec(default):
             "margin": 0.5,
             "count_firing": False,
         },
-        "logger": {"wandb": None, "tensorboard": None, "mlflow": None},
+        "logger": {"video": False, "wandb": None, "tensorboard": None, "mlflow": None},
     }
 
 

@@ -1,5 +1,7 @@
 """The world with Gymnasium's interface passes Gymnasium's checker and is the same world."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 
@@ -159,6 +161,17 @@ def test_a_single_candidate_is_too_few(world):
 # -- registered tasks -----------------------------------------------------------------------------
 
 
+def test_importing_the_package_registers_the_tasks_without_torch():
+    script = (
+        "import sys, fnnq_torchrl, gymnasium; print(*gymnasium.registry, 'torch' in sys.modules)"
+    )
+    *names, torch_is_loaded = subprocess.check_output(
+        [sys.executable, "-c", script], text=True
+    ).split()
+    assert {*registration.TASKS} <= {*names}
+    assert torch_is_loaded == "False"
+
+
 @pytest.mark.parametrize("name", registration.TASKS)
 def test_every_task_is_registered_and_checked(name):
     made = gymnasium.make(name, render_mode="rgb_array")
@@ -206,4 +219,5 @@ def test_gymnasium_makes_vectors_too():
     many = gymnasium.make_vec("fnnq/Follow-v0", num_envs=4)
     seen, _ = many.reset(seed=1)
     assert seen.shape == (4, 1)
+    assert len({*seen[:, 0].tolist()}) == 4
     assert isinstance(many.unwrapped, GymWorlds)

@@ -46,7 +46,7 @@ class Side(NamedTuple):
         x, y = self.start[0] - spot[0], self.start[1] - spot[1]
         side_x, side_y = self.end[0] - self.start[0], self.end[1] - self.start[1]
         across = rays[:, 0] * side_y - rays[:, 1] * side_x
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             way = (x * side_y - y * side_x) / across
             share = (x * rays[:, 1] - y * rays[:, 0]) / across
         met = (way >= 0) & (share >= 0) & (share <= 1)

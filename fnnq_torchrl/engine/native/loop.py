@@ -19,8 +19,8 @@ from .expressions import Expression, Expressions, Place, in_order
 from .source import program
 from .statements import Leaf
 
-_MOST = 40_000
-"""The most expressions in the steps of two runs; C++ compilers take minutes for more."""
+_MOST = 100_000
+"""The most expressions in the steps of two runs; a C++ compiler takes two minutes for so many."""
 
 
 class RunsMixed(ValueError):

@@ -12,7 +12,7 @@ import numpy as np
 
 from fnnq_torchrl.config.schema import PER_RUN
 from fnnq_torchrl.training.intervals import mean_interval
-from fnnq_torchrl.training.jobs import Job
+from fnnq_torchrl.training.jobs import VIDEO, Job
 from fnnq_torchrl.training.results import (
     CONFIDENCE,
     EVALUATION_COLUMNS,
@@ -47,6 +47,11 @@ class Results:
     def pictures(self) -> list[Path]:
         """The paths of the pictures."""
         return sorted(self.directory.glob("*.png"))
+
+    @property
+    def video(self) -> Path | None:
+        """The path of the video of the robot; None if there is none."""
+        return None
 
     @property
     def tables(self) -> list[Path]:
@@ -88,6 +93,11 @@ class JobResults(Results):
     def summary(self) -> Summary:
         """The content of summary.json."""
         return read_summary(self.directory / "summary.json")
+
+    @property
+    def video(self) -> Path | None:
+        path = self.directory / VIDEO
+        return path if self.job.config.logger.video and path.exists() else None
 
     @property
     def scores(self) -> dict[str, float]:

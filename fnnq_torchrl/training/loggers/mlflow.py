@@ -1,4 +1,4 @@
-"""MLflow: an MLflow run for each job with curve, interval, configuration, tables and pictures.
+"""MLflow: an MLflow run for each job: curve, interval, configuration, tables, pictures, video.
 
 TorchRL's MLFlowLogger isn't used: it sets the tracking server and the active run of the whole
 process, sends a request for each step, and neither names its runs nor ends them.
@@ -74,7 +74,8 @@ class MlflowLogger(Logger):
             client.log_batch(key, params=params)
             for begin in range(0, len(metrics), _METRICS_AT_ONCE):
                 client.log_batch(key, metrics[begin : begin + _METRICS_AT_ONCE])
-            for file in results.pictures + results.tables:
+            video = [] if results.video is None else [results.video]
+            for file in results.pictures + results.tables + video:
                 client.log_artifact(key, str(file))
         except BaseException:
             with suppress(Exception):  # the server may be gone; the first error is raised

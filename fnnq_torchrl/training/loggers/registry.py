@@ -86,8 +86,8 @@ class Loggers:
         """Call ``use`` once for each chosen logger, with the jobs that choose that logger."""
         choices: dict[tuple[str, str], tuple[Any, list[Job]]] = {}
         for job in jobs:
-            for name, settings in vars(job.config.logger).items():
-                if settings is not None:
+            for name in LOGGERS:
+                if (settings := getattr(job.config.logger, name)) is not None:
                     choices.setdefault((name, repr(settings)), (settings, []))[1].append(job)
         for key, (settings, its_jobs) in choices.items():
             name, _ = key

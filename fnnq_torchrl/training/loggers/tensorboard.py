@@ -1,10 +1,12 @@
-"""TensorBoard, through TorchRL's logger: curve, interval, histograms, settings and pictures."""
+"""TensorBoard, through TorchRL's logger: curve, interval, histograms, settings, pictures, video."""
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image  # torch.utils.tensorboard needs it, too
+from tensorboard.compat.proto.summary_pb2 import Summary
 from torch.utils.tensorboard import SummaryWriter
 from torchrl.record.loggers import TensorboardLogger as TorchrlLogger
 
@@ -42,6 +44,8 @@ class TensorboardLogger(Logger):
             }
             writer.add_hparams(plain, job.scores, run_name=".")
             _add_pictures(writer, job.pictures, situations[-1])
+            if job.video is not None:
+                _add_video(writer, job.video, situations[-1])
 
     def log_sweep(self, sweep: SweepResults) -> None:
         with self._logger(sweep.directory).experiment as writer:
@@ -56,3 +60,18 @@ def _add_pictures(writer: SummaryWriter, pictures: Sequence[Path], step: int) ->
         with Image.open(picture) as image:
             pixels = np.asarray(image.convert("RGB"))
         writer.add_image(picture.stem, pixels, step, dataformats="HWC")
+
+
+def _add_video(writer: SummaryWriter, video: Path, step: int) -> None:
+    """Add a GIF, which TensorBoard shows moving among the images.
+
+    TorchRL's `log_video` and torch's `add_video` make a GIF of frames, with the library moviepy.
+    """
+    with Image.open(video) as image:
+        width, height = image.size
+    gif = Summary.Image(
+        height=height, width=width, colorspace=3, encoded_image_string=video.read_bytes()
+    )
+    value = Summary.Value(tag=video.stem, image=gif)
+    events: Any = writer
+    events._get_file_writer().add_summary(Summary(value=[value]), step)

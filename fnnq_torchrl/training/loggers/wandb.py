@@ -55,6 +55,8 @@ class WandbLogger(Logger):
 
     def prepare(self, jobs: Sequence[Job]) -> None:
         per = self._settings.per
+        if per == "sweep" and any(job.config.logger.video and job.sweep for job in jobs):
+            announce("wandb: no videos, since logger.wandb.per=sweep logs no jobs of a sweep")
         runs = len(jobs) if per == "job" else sum(job.config.num_seeds for job in jobs)
         if runs > _MANY and per != "sweep":
             fewer = "job" if runs > len(jobs) else "sweep"
@@ -90,7 +92,7 @@ class WandbLogger(Logger):
             raise OSError(f"its process has ended with status {end.code}") from end
 
     def _log_run(self, job: JobResults, values: dict[str, list[float]], run: int) -> None:
-        """Log one run of a job; the first run gets the job's pictures."""
+        """Log one run of a job; the first run gets the job's pictures and its video."""
         config = job.settings | {key: column[run] for key, column in values.items()}
         del config["num_seeds"]
         name = f"seed={config['seed']} lam={config['lam']:g}"
@@ -99,7 +101,7 @@ class WandbLogger(Logger):
             for key in ("mean_score", "final_score"):
                 log.summary[key] = float(getattr(job.evaluations, key)[run])
             if run == 0:
-                log.log(_images(job.pictures))
+                log.log(_images(job.pictures) | _video(job))
 
     def _log_whole(self, job: JobResults) -> None:
         """Log a job's learning curve with its interval, and a table of its runs."""
@@ -111,7 +113,7 @@ class WandbLogger(Logger):
                 situations, [*score.values()], [*score], "score", "situations"
             )
             charts = {"each run": _runs_table(job), "score with its interval": band}
-            log.log(_images(job.pictures) | charts)
+            log.log(_images(job.pictures) | _video(job) | charts)
             log.summary.update(dict(job.summary))
             _save(log, job.tables)
 
@@ -204,6 +206,12 @@ def _log_rows(log: wandb.Run, columns: Mapping[str, Sequence[float]]) -> None:
 
 def _images(pictures: Iterable[Path]) -> dict[str, Any]:
     return {picture.stem: wandb.Image(str(picture)) for picture in pictures}
+
+
+def _video(job: JobResults) -> dict[str, Any]:
+    if job.video is None:
+        return {}
+    return {job.video.stem: wandb.Video(str(job.video), format="gif")}
 
 
 def _runs_table(job: JobResults) -> wandb.Table:

@@ -9,69 +9,13 @@ from torchrl.envs import check_env_specs
 
 from envs.core.contract import check_world
 from envs.robot.arena import Arena
-from envs.robot.geometry import Boxes, Discs, Point
 from envs.robot.layout import NOWHERE_M
 from envs.robot.scene import SceneConfig
 from envs.worlds import make_world
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.launch.composition import load_config
+from tests.envs.robot.scenes import check_state, full_scene, objects
 from tests.oracles import rays
-
-FULL = {
-    "clearance_m": 0.05,
-    "obstacles": [
-        {"shape": "disc", "number": 1, "centre_m": [2.2, 2.2], "radius_m": 0.3},
-        {"shape": "disc", "number": 3, "centre_m": [[-2, 2], [-2, 2]], "radius_m": [0.1, 0.3]},
-        {
-            "shape": "box",
-            "number": 1,
-            "centre_m": [-2, 2],
-            "size_m": [0.6, 0.1],
-            "heading_rad": 0.5,
-        },
-        {
-            "shape": "box",
-            "number": 2,
-            "centre_m": [[-2, 2], [-2, 2]],
-            "size_m": [0.5, 0.2],
-            "heading_rad": [-3, 3],
-        },
-    ],
-    "balls": [
-        {
-            "kind": "ball",
-            "radius_m": 0.1,
-            "paths": [
-                {
-                    "path": "circle",
-                    "centre_m": [0, 0],
-                    "radius_m": 1.5,
-                    "angle_rad": [-3, 3],
-                    "speed_radps": [-0.2, 0.2],
-                },
-                {
-                    "path": "line",
-                    "start_m": [[0.5, 1.5], [-1, 1]],
-                    "direction_rad": [-3, 3],
-                    "speed_mps": [0, 1],
-                },
-            ],
-        },
-        {"kind": "goal", "radius_m": 0.2, "paths": [{"path": "still", "start_m": [1, -1]}]},
-        {
-            "kind": "goal",
-            "radius_m": 0.1,
-            "paths": [
-                {
-                    "path": "waypoints",
-                    "points_m": [[0, 2], [1, 2], [1, 1]],
-                    "speed_mps": 0.3,
-                    "closed": True,
-                }
-            ],
-        },
-    ],
-}
 
 
 @pytest.fixture(scope="module")
@@ -86,13 +30,7 @@ def wander() -> SceneConfig:
 
 @pytest.fixture(scope="module")
 def full(follow: SceneConfig) -> SceneConfig:
-    """A scene with every kind of object, and sensors that sometimes fail."""
-    sonar = replace(follow.sensors.sonar, sees_balls=True, dropout=0.05, max_incidence_deg=40.0)
-    vision = replace(
-        follow.sensors.vision, kinds=["ball", "goal"], miss_probability=0.1, resolution_rad=0.05
-    )
-    sensors = replace(follow.sensors, sonar=sonar, vision=vision)
-    return replace(follow, sensors=sensors, robot=replace(follow.robot, collision="stop"), **FULL)
+    return full_scene(follow)
 
 
 def driven(env: Arena, *steering: float):
@@ -117,11 +55,6 @@ def test_it_keeps_the_contract(name, request):
 
 
 # -- layouts --------------------------------------------------------------------------------------
-
-
-def objects(env: Arena, state) -> tuple[Boxes, Discs]:
-    _, boxes, discs = env.obstacles(dict(state.items()))
-    return boxes, discs
 
 
 def test_nothing_overlaps_at_the_start(full):
@@ -181,24 +114,6 @@ def test_random_driving_gives_no_overlap_and_no_impossible_reading(full):
     for _ in range(40):
         state = env.restart(env.step(env.rand_action(state))["next"])
         check_state(env, state)
-
-
-def check_state(env: Arena, state) -> None:
-    for key, (low, high) in env.world.observations.items():
-        assert ((state[key] >= low) & (state[key] <= high)).all(), key
-    for key, value in state.items():
-        assert value.isfinite().all(), key
-    boxes, discs = objects(env, state)
-    robot = Point(state["x_m"][:, 0], state["y_m"][:, 0])
-    width, height = env.world.field_size_m
-    assert (robot.x.abs() < width / 2 - 0.25 + 1e-6).all()
-    assert (robot.y.abs() < height / 2 - 0.25 + 1e-6).all()
-    gap = torch.hypot(robot.x - discs.x_m, robot.y - discs.y_m) - discs.radius_m
-    assert (gap > 0.25 - 1e-5).all()
-    at = boxes.in_frame(robot)
-    across = (at.x.abs() - boxes.half_width_m).clamp(min=0)
-    up = (at.y.abs() - boxes.half_height_m).clamp(min=0)
-    assert (torch.hypot(across, up) > 0.25 - 1e-5).all()
 
 
 OPEN = {"obstacles": [], "field_size_m": None}

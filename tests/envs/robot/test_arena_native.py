@@ -1,11 +1,14 @@
-"""A scene has the same history in the native loop as in the eager loop."""
+"""Scenes in the native loop: the same history as in the eager loop, and every task compiles."""
 
 import pytest
 import torch
 
+from fnnq_torchrl.config.choices import choices_of
+from fnnq_torchrl.engine import choice
 from fnnq_torchrl.engine.loops import EagerLoop
 from fnnq_torchrl.engine.native import NativeLoop
 from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.trainer import Trainer
 from tests.programs import make_learner, make_runs
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -44,3 +47,18 @@ def test_a_scene_compiles_and_has_the_same_history() -> None:
     assert (states[0]["episode"] > 0).any()
     for key, value in states[0].items():
         torch.testing.assert_close(states[1][key], value, msg=key)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("task", choices_of("task"))
+def test_every_task_learns_and_is_tested_natively(
+    task: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """TorchInductor, which compiles steps that the native compiler can't, isn't needed."""
+    monkeypatch.setattr(choice, "_inductor_loop", None)
+    config = load_config(f"task={task}", "engine=compiled", "situations=5", "num_seeds=2")
+    trainer = Trainer.of(config)
+    trainer.learn()
+    outcome = trainer.evaluate()
+    assert outcome.steps[:, -1].min() >= 5
+    assert outcome.lengths.min() >= 1

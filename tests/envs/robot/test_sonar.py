@@ -4,7 +4,7 @@ from math import cos, inf, pi, radians, sin, sqrt
 
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from envs.core.streams import Stream
@@ -52,6 +52,26 @@ def test_it_reads_what_the_nearest_ray_meets(
         for sign in (1, -1)
     )
     assert wider - 1e-5 <= exact <= narrower + 1e-5
+
+
+@settings(max_examples=10)
+@given(PLACE, HEADING, FAN, DISCS, BOXES)
+def test_it_lies_between_two_fans_of_20_000_rays(spot, heading, width_deg, round_ones, square_ones):
+    """The second fan is wider by the angle between two rays."""
+    (exact,) = read(
+        spot,
+        heading,
+        width_deg,
+        walls=Walls(FIELD[0] / 2, FIELD[1] / 2),
+        boxes=boxes(square_ones),
+        discs=discs(round_ones),
+    )
+    scene, number = (round_ones, square_ones, rays.field(*FIELD)), 20_000
+    fan, wider = (
+        rays.reading(spot, heading, radians(width_deg) * factor, *scene, rays=number)
+        for factor in (1, number / (number - 1))
+    )
+    assert wider - 1e-9 <= exact <= fan + 1e-9
 
 
 @pytest.mark.parametrize(

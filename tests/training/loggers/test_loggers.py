@@ -5,9 +5,11 @@ from pathlib import Path
 from typing import ClassVar
 
 import pytest
+from PIL import Image
 
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training import drawing, watching
 from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.loggers import Loggers
 from fnnq_torchrl.training.loggers.registry import LOGGERS
@@ -31,7 +33,8 @@ class Recording:
         self._take_down(f"begins {len(jobs)}")
 
     def log_job(self, job) -> None:
-        self._take_down(f"{job.name} of {job.group}: {job.evaluations.runs} runs")
+        video = "" if job.video is None else f", {job.video.name}"
+        self._take_down(f"{job.name} of {job.group}: {job.evaluations.runs} runs{video}")
 
     def log_sweep(self, sweep) -> None:
         self._take_down(f"{sweep.name}, {[path.name for path in sweep.pictures]}")
@@ -115,6 +118,40 @@ def test_a_logger_that_cant_begin_is_left_out(
     assert (tmp_path / "summary.json").exists()
 
 
+def test_a_job_draws_a_video_for_its_loggers(
+    recording: type[Recording], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The video shows three of the test's situations side by side."""
+    monkeypatch.setattr(drawing, "_FRAMES", 4)
+    monkeypatch.setattr(drawing, "_PANEL_PX", 60)
+    command = (*QUICK, "logger=mlflow", "logger.video=true", f"hydra.run.dir={tmp_path}")
+    assert fnnq_train(*command) == 0
+    assert recording.log[1] == f"mlflow {tmp_path.name} of {tmp_path.name}: 1 runs, robot.gif"
+    with Image.open(tmp_path / "robot.gif") as video:
+        assert 3 <= video.n_frames <= 5
+        assert video.width == 180
+
+
+def test_a_video_that_cant_be_drawn_is_one_line(
+    recording: type[Recording],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def fail(*arguments: object, **settings: object) -> None:
+        raise RuntimeError("no\nfont")
+
+    monkeypatch.setattr(watching, "write_gif", fail)
+    command = (*QUICK, "logger=mlflow", "logger.video=true", f"hydra.run.dir={tmp_path}")
+    assert fnnq_train(*command) == 0
+    video = tmp_path / "robot.gif"
+    told = [line for line in capfd.readouterr().err.splitlines() if "going on without" in line]
+    assert told == [f"going on without {video}, which can't be drawn: no font"]
+    assert recording.log[1] == f"mlflow {tmp_path.name} of {tmp_path.name}: 1 runs"
+    assert not video.exists()
+    assert (tmp_path / "summary.json").exists()
+
+
 def test_results_are_the_same_whoever_logs_them(
     recording: type[Recording], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -149,6 +186,7 @@ def test_who_chooses_no_logger_needs_no_library(
 
 
 def test_csv_has_nothing_to_set_and_is_always_there() -> None:
+    assert not load_config().logger.video
     assert load_config("logger=[]") == load_config("logger=csv") == load_config()
     with pytest.raises(ConfigError, match=r"there is no logger\.csv"):
         load_config("logger.csv.every=1")

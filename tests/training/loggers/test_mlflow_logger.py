@@ -18,7 +18,7 @@ def test_jobs_and_their_sweep_are_in_one_database(
     monkeypatch.chdir(tmp_path)
     chosen = ("logger=mlflow", "logger.mlflow.experiment=ball")
     sweep = tmp_path / "sweep"
-    many = write_job(sweep / "0", "num_seeds=22", *chosen, sweep=sweep)
+    many = write_job(sweep / "0", "num_seeds=22", "logger.video=true", *chosen, sweep=sweep)
     one = write_job(sweep / "1", "lam=0.4", *chosen, sweep=sweep)
     (sweep / "summary.csv").write_text("job,mean_score\n")
     read = keys_read(MlflowConfig, monkeypatch)
@@ -53,7 +53,9 @@ def test_jobs_and_their_sweep_are_in_one_database(
     assert (run.data.params["lam"], run.data.params["env.speed_mps"]) == ("0.4", "0.3")
     assert run.data.metrics["final_score"] == JobResults(one).summary["final_score"]
     files = {path.name for path in (sweep / "mlartifacts").rglob("*") if path.is_file()}
-    assert files == {"learning_curve.png", "evaluations.csv", "summary.json", "summary.csv"}
+    assert files == {
+        *("learning_curve.png", "evaluations.csv", "summary.json", "summary.csv", "robot.gif")
+    }
     assert [path.name for path in tmp_path.iterdir()] == ["sweep"]
 
 

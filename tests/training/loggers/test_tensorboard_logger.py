@@ -50,6 +50,16 @@ def test_a_job_has_its_curve_band_histograms_and_pictures(tmp_path: Path) -> Non
     assert "custom_scalars__config__" in events.Tags()["tensors"]  # the band
 
 
+def test_a_video_moves_among_the_images(tmp_path: Path) -> None:
+    job = write_job(tmp_path, "logger=tensorboard", "logger.video=true")
+    loggers = Loggers()
+    loggers.log_job(job)
+    assert not loggers.left_out
+    [video] = read(tmp_path / "tensorboard").Images("robot")
+    assert video.encoded_image_string == (tmp_path / "robot.gif").read_bytes()
+    assert (video.width, video.height, video.step) == (6, 4, 40)
+
+
 def test_a_sweep_has_its_picture(tmp_path: Path) -> None:
     job = write_job(tmp_path, "logger=tensorboard")
     Loggers().log_sweep(SweepResults(tmp_path, [job] * 3))

@@ -114,6 +114,29 @@ def test_one_wandb_run_for_a_job_has_curve_band_tables_and_pictures(
     assert (row["seed"], row["mean_score"]) == (21, catches[21, 1:].mean())
 
 
+@pytest.mark.parametrize("per", ["job", "run"])
+def test_a_job_has_one_video(per: str, tmp_path: Path) -> None:
+    job = write_job(
+        tmp_path, "num_seeds=2", "logger=wandb", f"logger.wandb.per={per}", "logger.video=true"
+    )
+    runs = logged(job)
+    [video] = tmp_path.glob("wandb/offline-run-*/files/media/videos/robot_*.gif")
+    assert video.read_bytes() == (tmp_path / "robot.gif").read_bytes()
+    assert sum(run.history[-1].get("robot._type") == "video-file" for run in runs) == 1
+
+
+def test_jobs_that_arent_logged_have_no_video(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    job = write_job(
+        *(tmp_path / "0", "logger=wandb", "logger.wandb.per=sweep", "logger.video=true"),
+        sweep=tmp_path,
+    )
+    Loggers().prepare([job])
+    line = "wandb: no videos, since logger.wandb.per=sweep logs no jobs of a sweep"
+    assert line in capfd.readouterr().err.splitlines()
+
+
 def test_a_sweep_has_a_wandb_run_of_its_own(tmp_path: Path) -> None:
     job = write_job(
         *(tmp_path / "0", "num_seeds=2", "logger=wandb", "logger.wandb.per=sweep"), sweep=tmp_path
