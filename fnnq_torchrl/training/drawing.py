@@ -13,7 +13,7 @@ from fnnq_torchrl.training.terminal import announce
 def draw_job(job: Job) -> None:
     """Draw the learning curve of a finished job from its evaluations.csv."""
     picture = job.directory / PICTURE
-    with _optional(picture):
+    with optional(picture):
         from fnnq_torchrl.training.pictures.curves import learning_curve
 
         learning_curve(job.directory / "evaluations.csv", picture, Score.of(job.config))
@@ -21,14 +21,14 @@ def draw_job(job: Job) -> None:
 
 def draw_sweep(curves: Sequence[Curve], of: str, picture: Path, score: Score) -> None:
     """Draw the learning curves of a sweep; the arguments are those of `sweep_curves`."""
-    with _optional(picture):
+    with optional(picture):
         from fnnq_torchrl.training.pictures.curves import sweep_curves
 
         sweep_curves(curves, of, picture, score)
 
 
 @contextmanager
-def _optional(picture: Path) -> Iterator[None]:
+def optional(picture: Path) -> Iterator[None]:
     """Report any failure in a block that draws a picture, and suppress the exception.
 
     Import Matplotlib within the block, because a user's settings can make the import fail.
