@@ -7,6 +7,7 @@ STAMP := $(VENV)/installed
 EXPERIMENT := $(BIN)/python -m fnnq_torchrl.train hydra.launcher.pictures_up_to=0
 SEEDS := 1000
 KILLS := 25
+ROUNDS := 200
 STEPS := 10
 JAX := benchmarks/.jax
 VMAS := benchmarks/.vmas
@@ -88,8 +89,9 @@ test-wheel: install  ## before a release: check the distributions, install the w
 	mkdir dist/elsewhere && cd dist/elsewhere && ../empty/bin/python -m fnnq_torchrl.train situations=5 num_seeds=2
 	test -f dist/elsewhere/outputs/*/summary.json
 
-torture: install  ## kill jobs at random moments, start them again, compare their files (KILLS=25)
+torture: install  ## kill jobs at random moments, start them again, compare their files (KILLS=25); then jobs in bad surroundings (ROUNDS=200)
 	$(BIN)/python benchmarks/torture.py --kills $(KILLS)
+	$(BIN)/python benchmarks/surroundings.py --rounds $(ROUNDS)
 
 soak: install  ## memory over many learning steps (STEPS=10 million)
 	$(BIN)/python benchmarks/soak.py --steps $(STEPS)

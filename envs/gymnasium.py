@@ -66,7 +66,8 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         self._candidates = _candidates(config, candidates)
         self.observation_space = _observation_space(config)
         self.action_space = Discrete(self._candidates.numel())
-        self.world = make_world(config, seed=0)  # unused seed: `start` gets the real seed each time
+        # The seed isn't used: `start` gets the real seed each time.
+        self.world = make_world(config, seed=0, dtype=torch.float32)
         self._seed: int | None = None
         self._episode = -1
         self._state: TensorDictBase | None = None
@@ -93,12 +94,12 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
         episode, start = options.pop("episode", None), options.pop("start", None)
         for name in options:
             raise OutOfRange("options", name, "episode or start")
-        begins = None if start is None else torch.tensor(self._start(start))
+        begins = None if start is None else torch.tensor(self._start(start), dtype=torch.float32)
         run = None if seed is None else _whole("seed", seed, 0, _SEEDS)
         if episode is None:
             episode = self._episode + 1 if seed is None else 0
         episode = _whole("episode", episode, 0, _EPISODES)
-        super().reset(seed=seed)
+        super().reset(seed=run)
         if run is not None:
             self._seed = run
         elif self._seed is None:
@@ -194,7 +195,7 @@ class GymWorlds(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.int64
         self.single_action_space = Discrete(self._candidates.numel())
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.world = make_world(config, [self.num_envs])
+        self.world = make_world(config, [self.num_envs], dtype=torch.float32)
         self._state: TensorDictBase | None = None
 
     def reset(
@@ -212,9 +213,10 @@ class GymWorlds(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.int64
         Raises:
             OutOfRange: if the seed isn't allowed.
         """
-        super().reset(seed=seed)
-        if seed is not None:
-            self.world.seed_runs(_whole("seed", seed, 0, _SEEDS - self.num_envs))
+        first = None if seed is None else _whole("seed", seed, 0, _SEEDS - self.num_envs)
+        super().reset(seed=first)
+        if first is not None:
+            self.world.seed_runs(first)
         self._state = self.world.reset()
         return self._see(self._state), {"is_success": np.zeros(self.num_envs, dtype=bool)}
 
@@ -264,7 +266,7 @@ def _candidates(config: WorldConfig, number: int | None) -> torch.Tensor:
     actions = config.actions
     if isinstance(actions, int):
         return torch.arange(actions, dtype=torch.float32)
-    return torch.linspace(*actions, _whole("candidates", number, 2, 2**31))
+    return torch.linspace(*actions, _whole("candidates", number, 2, 2**31), dtype=torch.float32)
 
 
 def _observation_space(config: WorldConfig) -> Space[NDArray[np.float32]]:

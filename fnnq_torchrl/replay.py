@@ -12,9 +12,12 @@ import sys
 from pathlib import Path
 
 from fnnq_torchrl.config.schema import ConfigError
+from fnnq_torchrl.launch.interrupted import leave_interrupted
+from fnnq_torchrl.launch.streams import lasting_streams, one_line
 from fnnq_torchrl.launch.words import parse, whole
 
 
+@lasting_streams()
 def main() -> None:
     """Run the command; report an error as one line on stderr and exit with status 2."""
     if {"-h", "--help"} & {*sys.argv[1:]}:
@@ -24,8 +27,10 @@ def main() -> None:
     try:
         sys.stdout.write(f"{replay(defaults | parse(sys.argv[1:], defaults, ['log', 'run']))}\n")
     except (ConfigError, OSError, ValueError) as error:
-        sys.stderr.write(f"{' '.join(str(error).split())}\n")
+        sys.stderr.write(f"{one_line(error)}\n")
         sys.exit(2)
+    except KeyboardInterrupt:
+        leave_interrupted()
 
 
 def replay(given: dict[str, str]) -> Path:

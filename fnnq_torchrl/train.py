@@ -4,6 +4,8 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+from fnnq_torchrl.launch.interrupted import leave_interrupted
+
 
 def main() -> None:
     """Run the train command. Slow imports are made inside, so that Ctrl-C is handled early."""
@@ -11,8 +13,7 @@ def main() -> None:
     try:
         from fnnq_torchrl.launch.train import main as train
     except KeyboardInterrupt:
-        sys.stderr.write("interrupted\n")
-        sys.exit(130)
+        leave_interrupted()
     train()
 
 

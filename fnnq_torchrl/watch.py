@@ -16,6 +16,8 @@ import sys
 from pathlib import Path
 
 from fnnq_torchrl.config.schema import ConfigError
+from fnnq_torchrl.launch.interrupted import leave_interrupted
+from fnnq_torchrl.launch.streams import lasting_streams, one_line
 from fnnq_torchrl.launch.words import parse, whole
 
 _DEFAULTS = {
@@ -30,6 +32,7 @@ _DEFAULTS = {
 _WHEN = {"after": [True], "before": [False], "both": [False, True]}
 
 
+@lasting_streams()
 def main() -> None:
     """Run the command; report an error as one line on stderr and exit with status 2."""
     if {"-h", "--help"} & {*sys.argv[1:]}:
@@ -39,8 +42,10 @@ def main() -> None:
         for path in watch(_DEFAULTS | parse(sys.argv[1:], _DEFAULTS, ["run"])):
             sys.stdout.write(f"{path}\n")
     except (ConfigError, OSError, ValueError, TypeError) as error:
-        sys.stderr.write(f"{' '.join(str(error).split())}\n")
+        sys.stderr.write(f"{one_line(error)}\n")
         sys.exit(2)
+    except KeyboardInterrupt:
+        leave_interrupted()
 
 
 def watch(given: dict[str, str]) -> list[Path]:

@@ -8,7 +8,7 @@ from fnnq_torchrl import train
 
 SIGNALS = [
     getattr(signal, name)
-    for name in ("SIGUSR1", "SIGUSR2", "SIGTERM", "SIGINT")
+    for name in ("SIGUSR1", "SIGUSR2", "SIGTERM", "SIGINT", "SIGHUP")
     if hasattr(signal, name)
 ]
 

@@ -41,7 +41,11 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def usual_signals() -> Iterator[None]:
     """Set signals as a process in a terminal has them, and restore them afterwards."""
     usual = {"SIGINT": signal.default_int_handler}
-    names = [name for name in ("SIGINT", "SIGTERM", "SIGUSR1", "SIGUSR2") if hasattr(signal, name)]
+    names = [
+        name
+        for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2")
+        if hasattr(signal, name)
+    ]
     before = {
         name: signal.signal(getattr(signal, name), usual.get(name, signal.SIG_DFL))
         for name in names
@@ -54,10 +58,12 @@ def usual_signals() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def compiler() -> None:
     """Skip the test if there is no C++ compiler."""
-    from fnnq_torchrl.engine.native import compiler_found
+    from fnnq_torchrl.engine.native import CannotCompile, check_compiler
 
-    if not compiler_found():
-        pytest.skip("needs a C++ compiler")
+    try:
+        check_compiler()
+    except CannotCompile as error:
+        pytest.skip(error.reason)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch 2.13 uses functions that it has deprecated
         import torch._inductor.compile_fx  # noqa: F401

@@ -1,4 +1,4 @@
-"""The links of the Markdown pages lead to files and headings that exist."""
+"""The links and the tests that the Markdown pages name exist."""
 
 import re
 from pathlib import Path
@@ -24,3 +24,11 @@ def test_links_lead_somewhere(page: Path) -> None:
         target = (page.parent / file).resolve() if file else page
         assert target.exists(), link
         assert not anchor or anchor in anchors(target), link
+
+
+def test_each_line_on_security_has_its_test() -> None:
+    text = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+    table = [line for line in text.splitlines() if line.startswith("| ")][2:]
+    for line in table:
+        (named,) = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", line)
+        assert f"def {named[1]}(" in (ROOT / named[0]).read_text(encoding="utf-8"), line

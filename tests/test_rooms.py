@@ -32,11 +32,7 @@ ROOMS = [
 ONLY_IN = {
     "gymnasium": ["envs.gymnasium", "fnnq_torchrl.launch.registration"],
     "hydra": ["fnnq_torchrl.launch", "hydra_plugins"],
-    "matplotlib": [
-        "envs.robot.drawing",
-        "fnnq_torchrl.training.pictures",
-        "fnnq_torchrl.studies",
-    ],
+    "matplotlib": ["envs.pictures"],
     "submitit": ["fnnq_torchrl.launch.cluster"],
     "mlflow": ["fnnq_torchrl.training.loggers.mlflow"],
     "sklearn": ["fnnq_torchrl.training.memberships"],

@@ -290,6 +290,35 @@ def check(parameters: Parameters, prefix: str = "") -> None:
         raise OutOfRange(prefix + found.key, found.value, found.allowed)
 
 
+def rounded_misfits(
+    parameters: Parameters, round_to: Callable[[float], float]
+) -> Iterator[OutOfRange]:
+    """Yield an error for each valid value that leaves its range when its numbers are rounded.
+
+    Args:
+        parameters: as for `check`; nested dataclasses aren't looked at.
+        round_to: rounds a number to the precision of the computation; infinite on overflow.
+    """
+    for item in fields(parameters):  # type: ignore[arg-type]  # every subclass is a dataclass
+        value = getattr(parameters, item.name)
+        entries = value if isinstance(value, dict) else {None: value}
+        for entry, held in entries.items():
+            range_ = item.metadata.get(_RANGE)
+            if range_ is not None and not range_.holds(_rounded(held, round_to)):
+                name = item.name if entry is None else f"{item.name}.{entry}"
+                yield OutOfRange(name, held, range_.words)
+
+
+def _rounded(value: Any, round_to: Callable[[float], float]) -> Any:
+    if isinstance(value, float):
+        return round_to(value)
+    if isinstance(value, list):
+        return [_rounded(each, round_to) for each in value]
+    if isinstance(value, dict):
+        return {key: _rounded(each, round_to) for key, each in value.items()}
+    return value
+
+
 def allowed(schema: type[Parameters], prefix: str = "") -> dict[str, str]:
     """Return the range of each key in words that can follow "must be".
 

@@ -10,14 +10,21 @@ from math import ceil, cos, degrees, radians, sin, sqrt
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch, Polygon, Rectangle, Wedge
 from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
 from envs.core.pure import PureEnv
+from envs.pictures import (
+    Axes,
+    Circle,
+    Figure,
+    FigureCanvasAgg,
+    Patch,
+    Polygon,
+    Rectangle,
+    Wedge,
+    own_style,
+)
 from envs.robot.arena import Arena
 from envs.robot.follow import FollowBall
 from envs.robot.geometry import Point
@@ -178,6 +185,7 @@ class Canvas:
         columns: the number of columns; by default about the number of rows.
     """
 
+    @own_style()
     def __init__(
         self,
         panels: int = 1,
@@ -198,6 +206,7 @@ class Canvas:
             axes.set_axis_off()
         self._figure.subplots_adjust(0.005, 0.005, 0.995, 1 - head / rows, 0.03, head + 0.02)
 
+    @own_style()
     def draw(self, films: Sequence[Sequence[Shot]]) -> Image:
         """Return a picture of the last shot of each film, with trails from the earlier shots.
 

@@ -4,6 +4,8 @@
 so that errors are reported before those libraries are loaded.
 """
 
+import struct
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf
@@ -20,6 +22,7 @@ from envs.core.parameters import (
     one_of,
     or_null,
     parameters,
+    rounded_misfits,
     whole,
     whole_or_rows,
 )
@@ -54,6 +57,17 @@ PER_RUN = (
     "noise_std",
 )
 """The keys whose values may differ from run to run within one batch; all others are shared."""
+
+
+LARGEST = {"float32": (2 - 2**-23) * 2.0**127, "float64": sys.float_info.max}
+"""The largest number of each ``machine.dtype``."""
+
+
+def _to_float32(number: float) -> float:
+    try:
+        return float(struct.unpack("f", struct.pack("f", number))[0])
+    except OverflowError:
+        return inf
 
 
 @dataclass
@@ -162,6 +176,7 @@ class Config(Parameters):
             if self._has_prior and misfit.value is None and misfit.key in ("inputs", "action"):
                 continue  # the prior's file brings labels
             yield OutOfRange(f"value.{misfit.key}", misfit.value, misfit.allowed)
+        yield from self._misfits_in_the_dtype()
         yield from self._misfits_of_the_rules()
         yield from self._misfits_of_the_world()
 
@@ -186,6 +201,18 @@ class Config(Parameters):
         return self.rules.frozen_rules(
             [value.names_of(name, len(pairs)) for name, pairs in labels.items()]
         )
+
+    def _misfits_in_the_dtype(self) -> Iterator[OutOfRange]:
+        """Yield an error for each number that is too large or too small for ``machine.dtype``."""
+        dtype = self.machine.dtype
+        round_to, largest = float if dtype == "float64" else _to_float32, LARGEST[dtype]
+        for prefix, group in (("", self), ("env.", self.env), ("value.", self.value)):
+            for misfit in rounded_misfits(group, round_to):
+                words = f"{misfit.allowed}, also when rounded to {dtype}"
+                yield OutOfRange(prefix + misfit.key, misfit.value, words)
+        for misfit in self.value.overflows(self.env, largest):
+            words = f"{misfit.allowed}, so that log μ fits in {dtype}"
+            yield OutOfRange(f"value.{misfit.key}", misfit.value, words)
 
     def _misfits_of_the_rules(self) -> Iterator[OutOfRange]:
         """Yield an error for rule settings without rules, or for unknown frozen rules."""

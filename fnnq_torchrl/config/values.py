@@ -7,7 +7,7 @@ The networks are in ``fnnq_torchrl.agent.values``. A user's own value function h
 import difflib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import inf, isfinite, sqrt
 from typing import Any, ClassVar, Self
 
 from envs.core.parameters import (
@@ -36,6 +36,7 @@ from fnnq_torchrl.equations.membership_functions import (
     T_NORMS,
     Membership,
     even_labels,
+    membership_of,
 )
 
 __all__ = [
@@ -72,6 +73,10 @@ class ValueConfig(Parameters):
     def in_world(self, world: WorldConfig) -> Self:
         """Return a copy in which keys that are null have the world's values."""
         return self
+
+    def overflows(self, world: WorldConfig, largest: float) -> Iterator[OutOfRange]:
+        """Yield an error for each number with which a formula exceeds ``largest`` in the world."""
+        yield from ()
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
         """Yield an error for empty inputs and for each input that the world doesn't have."""
@@ -212,6 +217,25 @@ class LabelsConfig(ValueConfig):
             if name not in known:
                 words = f"named after one of: {', '.join(known)}"
                 yield OutOfRange(f"names.{name}", self.names[name], words)
+
+    def overflows(self, world: WorldConfig, largest: float) -> Iterator[OutOfRange]:
+        """Yield an error for each label that is so narrow that its log μ overflows."""
+        low, high = (0, world.actions - 1) if isinstance(world.actions, int) else world.actions
+        variables = {
+            f"inputs.{name}": (labels, world.observations[name])
+            for name, labels in (self.inputs or {}).items()
+        } | {"action": (self.action or [], (low, high))}
+        for key, (labels, span) in variables.items():
+            functions = [membership_of(label, self.width) for label in labels]
+            middles = [MEMBERSHIP_FUNCTIONS[kind].middle(numbers) for kind, numbers in functions]
+            ends = [end for end in (*middles, *span) if isfinite(end)]
+            reach = max(ends) - min(ends)
+            for label, (kind, numbers) in zip(labels, functions, strict=True):
+                least = reach / sqrt(largest)
+                width = MEMBERSHIP_FUNCTIONS[kind].narrowest(numbers)
+                if width < least:
+                    units = least**2 if isinstance(label, list) and self.width != "sigma" else least
+                    yield OutOfRange(key, label, f"a label with a width above {units:.1e}")
 
     def names_of(self, variable: str, count: int) -> list[str]:
         """Return a variable's label names; label_1, label_2, … if their number doesn't fit."""

@@ -7,18 +7,19 @@ from dataclasses import dataclass
 
 import torch
 from tensordict import TensorDictBase
+from torch._inductor.runtime.cache_dir_utils import default_cache_dir
 from torch._subclasses.fake_tensor import DataDependentOutputException
 from torch.fx.experimental.symbolic_shapes import GuardOnDataDependentSymNode
 
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.engine.loops import EagerLoop, Loop, MakeLoop, MakeStep
 from fnnq_torchrl.engine.native import (
+    CannotCompile,
     NativeLoop,
     RunsMixed,
     Unsupported,
     cache_directory,
-    compiler,
-    compiler_found,
+    check_compiler,
 )
 from fnnq_torchrl.engine.threads import threads_for
 
@@ -73,20 +74,19 @@ def choose_engine(config: Config, runs: int) -> Engine:
         runs: the number of runs.
 
     Raises:
-        ConfigError: if ``engine=compiled`` and there is no working C++ compiler.
+        CannotCompile: if ``engine=compiled`` and nothing can be compiled here.
     """
     device = torch.device(config.machine.device)
     if config.engine != "auto":
         return make_engine(config.engine, device, f"engine: {config.engine}, as asked for")
-    if not compiler_found():
-        return make_engine(
-            "eager", device, "engine: eager, since there is no C++ compiler that works"
-        )
     steps = int(config.situations * config.env.time_limit_steps * _MEAN_SITUATION)
     about = f"about {steps:,} steps of {runs:,} run{'s' if runs > 1 else ''}"
     if steps < _WORTH_COMPILING[device.type]:
         return make_engine("eager", device, f"engine: eager, since {about} are not worth compiling")
-    return make_engine("compiled", device, f"engine: compiled, since {about} are worth it")
+    try:
+        return make_engine("compiled", device, f"engine: compiled, since {about} are worth it")
+    except CannotCompile as error:
+        return make_engine("eager", device, f"engine: eager, since {error.reason}")
 
 
 def make_engine(name: str, device: torch.device, why: str = "") -> Engine:
@@ -98,15 +98,11 @@ def make_engine(name: str, device: torch.device, why: str = "") -> Engine:
         why: one line for the log: the reason for choosing this engine.
 
     Raises:
-        ConfigError: if ``name`` is ``compiled`` and there is no working C++ compiler.
+        CannotCompile: if ``name`` is ``compiled`` and nothing can be compiled here.
     """
     if name == "eager":
         return Engine(name, why, EagerLoop, workers=1, most_lanes=2**14)
-    if not compiler_found():
-        raise ConfigError(
-            f"engine=compiled: needs a C++ compiler, and there is no {compiler()}; "
-            "install one, name another in CXX, or take engine=eager"
-        )
+    check_compiler()
     if device.type == "cuda":
         return Engine(name, why, _inductor_loop, workers=1, most_lanes=2**17)
     return Engine(name, why, _native_loop, workers=torch.get_num_threads(), most_lanes=2**11)
@@ -130,10 +126,12 @@ def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBa
 
 
 def _inductor_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
-    # Torch's default is a temporary directory, which later jobs wouldn't find. Each kind of
-    # processor has its own: machines may share a home, and torch doesn't tell their programs apart.
+    # Torch's default is a temporary directory, which later jobs wouldn't find; importing torch may
+    # have set the variable to it. Each kind of processor has its own directory: machines may share
+    # a home, and torch doesn't tell their programs apart.
     cache = cache_directory() / "inductor" / torch.backends.cpu.get_cpu_capability()
-    os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(cache))
+    if os.environ.get("TORCHINDUCTOR_CACHE_DIR") in (None, default_cache_dir()):
+        os.environ["TORCHINDUCTOR_CACHE_DIR"] = str(cache)
     from fnnq_torchrl.engine.inductor import InductorLoop  # here, since importing it is slow
 
     return InductorLoop(make_step, stays, state)

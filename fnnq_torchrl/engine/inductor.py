@@ -12,9 +12,9 @@ from torch._inductor import config
 from torch._inductor.exc import CppCompileError, InductorError, InvalidCxxCompiler
 from torch.fx import GraphModule, Node
 
-from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.engine.graphs import leaves, nested, trace
 from fnnq_torchrl.engine.loops import MakeStep, Running
+from fnnq_torchrl.engine.native import CannotCompile
 from fnnq_torchrl.engine.threads import subnormals_flushed
 
 _OPTIONS: dict[str, str | int | bool | Callable[..., Any]] = {
@@ -44,7 +44,7 @@ class InductorLoop:
         state: an example of the state, batch size ``[lanes]``. The loop takes these shapes only.
 
     Raises:
-        ConfigError: if the C++ compiler fails.
+        CannotCompile: if the C++ compiler fails, or its programs can't be written or loaded.
     """
 
     any_lanes = False
@@ -70,13 +70,11 @@ class InductorLoop:
             try:
                 self(stays, state).advance(0)  # compiles
             except InductorError as error:
-                if not isinstance(error.inner_exception, CppCompileError | InvalidCxxCompiler):
+                inner = error.inner_exception
+                if not isinstance(inner, CppCompileError | InvalidCxxCompiler | OSError):
                     raise
-                complaint = str(error.inner_exception).splitlines()[-1]
-                raise ConfigError(
-                    f"engine=compiled: the C++ compiler doesn't work; engine=eager needs none. "
-                    f"It says: {complaint}"
-                ) from error
+                complaint = str(inner).splitlines()[-1]
+                raise CannotCompile(f"TorchInductor can't compile here: {complaint}") from error
 
     def __call__(self, stays: TensorDictBase, state: TensorDictBase) -> Running:
         return _Running(self._run, stays, state)

@@ -1,6 +1,7 @@
 """Run many jobs on few lanes: when a lane's job is done, the lane gets the next job."""
 
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from contextlib import suppress
 from threading import Lock
 from typing import Protocol
 
@@ -8,7 +9,9 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.engine.lanes import lanes_for, repeat_last
+from fnnq_torchrl.engine.limits import NO_THREADS
 from fnnq_torchrl.engine.loops import Loop, Running
 
 
@@ -88,17 +91,22 @@ def work_through(
         task: the task.
         jobs: the numbers of the jobs to run, int64 ``[jobs]``.
         lanes: the number of jobs that a worker runs side by side.
-        workers: the number of threads; more than one helps only if the task's loop releases the
-            GIL.
+        workers: the number of threads, or fewer if the system doesn't allow so many; more than one
+            helps only if the task's loop releases the GIL.
         keeper: saves the unfinished jobs; called after each :meth:`Task.collect`.
+
+    Raises:
+        ConfigError: if the system doesn't allow a single thread.
     """
     queue, turn = _Queue(jobs), Lock()
     # Even a single worker has its own thread: the main thread must stay free to handle signals.
     with ThreadPoolExecutor(workers) as pool:
-        shifts = [
-            pool.submit(_work, task, queue, lanes, turn, worker, keeper)
-            for worker in range(workers)
-        ]
+        shifts = []
+        with suppress(RuntimeError):  # raised if the system allows no more threads
+            for worker in range(workers):
+                shifts.append(pool.submit(_work, task, queue, lanes, turn, worker, keeper))
+        if not shifts:
+            raise ConfigError(f"no thread can be started here: {NO_THREADS}")
         try:
             wait(shifts, return_when=FIRST_EXCEPTION)
         finally:

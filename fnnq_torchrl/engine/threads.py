@@ -39,7 +39,7 @@ def subnormals_flushed() -> Iterator[None]:
     with them. The setting holds for the calling thread and is restored at the end. Threads that
     torch starts within the block inherit it; threads that it started earlier don't.
     """
-    before = bool(torch.full((), _SUBNORMAL) * 1 == 0)
+    before = bool(torch.full((), _SUBNORMAL, dtype=torch.float32) * 1 == 0)
     torch.set_flush_denormal(True)
     try:
         yield

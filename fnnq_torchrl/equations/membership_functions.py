@@ -145,6 +145,11 @@ class MembershipFunction:
         """Return the ends of the interval where μ > 0, for given parameters."""
         return (numbers[0], numbers[-1]) if self.compact else (-inf, inf)
 
+    def narrowest(self, numbers: Sequence[float]) -> float:
+        """Return the least width among given parameters; infinite if the function has none."""
+        named = zip(self.parameters, numbers, strict=True)
+        return min((number for name, number in named if name.endswith("width")), default=inf)
+
     def middle(self, numbers: Sequence[float]) -> float:
         """Return the middle of the part where μ is highest; for a sigmoid, its inflection."""
         tops = [

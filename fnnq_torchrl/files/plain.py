@@ -3,7 +3,7 @@
 import io
 from pathlib import Path
 from typing import Any
-from zipfile import ZipFile
+from zipfile import ZIP_STORED, ZipFile
 
 import torch
 
@@ -44,7 +44,10 @@ def read_plain(path: Path, form: int, what: str) -> dict[str, Any]:
     data = path.read_bytes()
     try:
         # torch.save writes a checksum for every entry, but torch.load doesn't check it.
-        if damaged := ZipFile(io.BytesIO(data)).testzip():
+        archive = ZipFile(io.BytesIO(data))
+        if any(entry.compress_type != ZIP_STORED for entry in archive.infolist()):
+            raise ValueError("compressed entries, which may be far larger than the file")
+        if damaged := archive.testzip():
             raise ValueError(f"{damaged} is damaged")
         content = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
     # For arbitrary bytes torch.load may raise nearly any error: EOFError, KeyError, …

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from envs.core.parameters import ConfigError
+from fnnq_torchrl.launch.interrupted import leave_interrupted
+from fnnq_torchrl.launch.streams import lasting_streams, one_line
 from fnnq_torchrl.launch.words import parse
 
 
@@ -15,7 +17,7 @@ class OneLineParser(ArgumentParser):
     """A parser that reports an error in one line, without usage text, and exits with status 2."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{' '.join(message.split())}\n")
+        self.exit(2, f"{one_line(message)}\n")
 
 
 def read_words(program: str, description: str | None, keys: Iterable[str]) -> dict[str, str]:
@@ -45,8 +47,14 @@ def page_parser(program: str, description: str | None) -> OneLineParser:
 
 @contextmanager
 def one_line_errors() -> Iterator[None]:
-    """End a command that reads result files with one line and status 1, if the block fails."""
-    try:
-        yield
-    except (OSError, ValueError) as error:
-        sys.exit(" ".join(str(error).split()))
+    """End a command that reads result files with one line and status 1, if the block fails.
+
+    After Ctrl-C, the status is 130.
+    """
+    with lasting_streams():
+        try:
+            yield
+        except (OSError, ValueError) as error:
+            sys.exit(one_line(error))
+        except KeyboardInterrupt:
+            leave_interrupted()

@@ -9,7 +9,7 @@ import signal
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
@@ -30,7 +30,9 @@ from fnnq_torchrl.launch.directories import OutputDirectory
 from fnnq_torchrl.launch.flags import hydra_arguments
 from fnnq_torchrl.launch.from_job import choose_primary
 from fnnq_torchrl.launch.help import help_page
+from fnnq_torchrl.launch.interrupted import leave_interrupted
 from fnnq_torchrl.launch.launcher import Multirun
+from fnnq_torchrl.launch.streams import lasting_streams, one_line
 from fnnq_torchrl.training.jobs import JobFailed
 from fnnq_torchrl.training.resume.interruptions import SAVING, Interrupted
 from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
@@ -38,7 +40,7 @@ from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
 _FULL_ERROR = "HYDRA_FULL_ERROR"
 """The environment variable that asks for Hydra's errors with their tracebacks."""
 
-_OF_DISKS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EPIPE}
+_OF_DISKS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO}
 
 _PLACES = ("hydra.run.dir", "hydra.sweep.dir")
 """The keys that set the output directory: of a single job, and of a sweep."""
@@ -115,7 +117,7 @@ def command(job: RunJob, run_batches: RunBatches) -> Callable[[], None]:
 
     def main() -> None:
         task, full = Task(job, run_batches), os.environ.get(_FULL_ERROR) == "1"
-        with nullcontext() if full else errors_in_one_line(task):
+        with lasting_streams(), nullcontext() if full else errors_in_one_line(task):
             _run(task, full)
 
     return main
@@ -221,15 +223,13 @@ def errors_in_one_line(task: Task) -> Iterator[None]:
             _leave(1, f"{error.filename}: {error.strerror}")
         if error.errno not in _OF_DISKS:  # not a problem of a disk or file
             raise
-        _leave(1, str(error.strerror))  # Hydra's own file or the terminal: no name is known
+        _leave(1, str(error.strerror))  # Hydra's own file: no name is known
     except KeyboardInterrupt:
-        _leave(130, f"interrupted; to go on: {task.again}" if task.began else "interrupted")
+        leave_interrupted(task.again if task.began else "")
 
 
 def _leave(status: int, message: str) -> NoReturn:
-    with suppress(OSError):  # the log may be on the disk that is full
-        sys.stderr.write(" ".join(message.split()) + "\n")
-        sys.stderr.flush()
+    sys.stderr.write(f"{one_line(message)}\n")
     sys.exit(status)
 
 

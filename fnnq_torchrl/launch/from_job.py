@@ -19,6 +19,7 @@ from fnnq_torchrl.config.checking import flat, to_config
 from fnnq_torchrl.config.choices import choices_of, config_directory
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.config.values import LabelsConfig
+from fnnq_torchrl.files.settings import parse_settings
 
 SAVED = "saved"
 """Hydra's name for the job's configuration, both for the whole and as a choice of a group."""
@@ -71,7 +72,7 @@ def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
         raise ConfigError(
             f"{_WORD}{directory}: has no .hydra/config.yaml; name the directory of one job"
         )
-    plain = parse_configuration(path.read_bytes())
+    plain = parse_settings(path.read_bytes())
     if plain is None:
         raise ConfigError(f"{path} is damaged, or not a configuration")
     for key, value in flat(plain).items():
@@ -93,19 +94,10 @@ def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
     return config
 
 
-def parse_configuration(text: bytes) -> dict[str, Any] | None:
-    """Return the content of a ``config.yaml`` as plain data, or None if it is damaged."""
-    try:
-        plain = yaml.safe_load(text)
-    except Exception:  # the parser fails in many ways
-        return None
-    return plain if isinstance(plain, dict) else None
-
-
 def _saved_task(directory: Path) -> str:
     """Return the name of the job's task, or the default task if the directory has none."""
     path = directory / ".hydra" / "hydra.yaml"
-    found: Any = parse_configuration(path.read_bytes()) if path.is_file() else None
+    found: Any = parse_settings(path.read_bytes()) if path.is_file() else None
     for key in ("hydra", "runtime", "choices", "task"):
         found = found.get(key) if isinstance(found, dict) else None
     return found if isinstance(found, str) and found.isidentifier() else "follow"

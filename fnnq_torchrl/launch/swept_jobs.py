@@ -18,8 +18,8 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from fnnq_torchrl.config.checking import flat, to_config
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.files.atomic import atomic_write, clear_leftovers
+from fnnq_torchrl.files.settings import parse_settings
 from fnnq_torchrl.launch.composition import composing, key_of
-from fnnq_torchrl.launch.from_job import parse_configuration
 from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE, RESULTS, SNAPSHOTS, TRAINING, Job
 
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -145,7 +145,7 @@ class SweptJob:
         except FileNotFoundError:
             return False
         if saved != self._template.config_yaml(self._values).encode():
-            plain = parse_configuration(saved)
+            plain = parse_settings(saved)
             if plain is None:  # cut short by a crash
                 return False
             self._refuse_another(flat(plain))

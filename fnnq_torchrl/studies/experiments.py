@@ -6,11 +6,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import yaml
 from omegaconf.errors import OmegaConfBaseException
 
 from fnnq_torchrl.config.checking import flat, to_config
 from fnnq_torchrl.config.schema import Config, ConfigError
+from fnnq_torchrl.files.settings import parse_settings
 from fnnq_torchrl.training.results import Evaluations, read_evaluations
 
 HOW_IT_RUNS = (
@@ -172,11 +172,8 @@ def _finished(job: Path) -> bool:
 
 def _read_job(directory: Path) -> Job:
     path = directory / ".hydra" / "config.yaml"
-    try:
-        plain = yaml.safe_load(path.read_bytes())
-    except Exception as error:  # bytes that aren't YAML can raise nearly any exception
-        raise ValueError(f"{path} is not a configuration") from error
-    if not isinstance(plain, dict):
+    plain = parse_settings(path.read_bytes())
+    if plain is None:
         raise ValueError(f"{path} is not a configuration")
     try:
         config = to_config(plain, own=False)

@@ -14,7 +14,7 @@ from fnnq_torchrl.training.terminal import announce
 def draw_job(job: Job) -> None:
     """Draw the learning curve of a finished job from its evaluations.csv."""
     picture = job.directory / PICTURE
-    with _optional(picture):
+    with optional(picture):
         from fnnq_torchrl.training.pictures.curves import learning_curve
 
         learning_curve(job.directory / "evaluations.csv", picture, Score.of(job.config))
@@ -23,7 +23,7 @@ def draw_job(job: Job) -> None:
 def draw_video(job: Job) -> None:
     """Draw the first situations of a finished job's last test, played by its first run."""
     video = job.directory / VIDEO
-    with _optional(video):
+    with optional(video):
         from fnnq_torchrl.training.watching import play, write_gif
         from fnnq_torchrl.training.weights import load_checkpoint
 
@@ -37,7 +37,7 @@ def draw_video(job: Job) -> None:
 
 def draw_sweep(curves: Sequence[Curve], of: str, picture: Path, score: Score) -> None:
     """Draw the learning curves of a sweep; the arguments are those of `sweep_curves`."""
-    with _optional(picture):
+    with optional(picture):
         from fnnq_torchrl.training.pictures.curves import sweep_curves
 
         sweep_curves(curves, of, picture, score)
@@ -48,7 +48,7 @@ _FRAMES = 80  # at most, in a video; each takes some hundredths of a second to d
 
 
 @contextmanager
-def _optional(picture: Path) -> Iterator[None]:
+def optional(picture: Path) -> Iterator[None]:
     """Report any failure in a block that draws a picture, and suppress the exception.
 
     Import Matplotlib within the block, because a user's settings can make the import fail.

@@ -194,8 +194,11 @@ def _run_batch(
         except ValueError as error:  # a score that is NaN or infinite
             return JobFailed(f"{job.directory}: {error}")
 
-    with ThreadPoolExecutor(_WRITERS) as pool:  # the threads mostly wait for the disk
-        results = [*pool.map(write, others)]
+    try:
+        with ThreadPoolExecutor(_WRITERS) as pool:  # the threads mostly wait for the disk
+            results = [*pool.map(write, others)]
+    except RuntimeError:  # the system allows no more threads; each file is written whole again
+        results = [*map(write, others)]
     # The last job's directory holds training.pt. If another job fails, the last one stays
     # unfinished, so that a restart finds training.pt.
     unwritten = next((result for result in results if isinstance(result, OSError)), None)

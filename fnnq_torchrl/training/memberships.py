@@ -116,7 +116,7 @@ def _as(directory: Path, config: Config, lanes: int) -> Choice:
     weights = {name: weight[run].float() for name, weight in checkpoint.weights.items()}
     exploring: float = getattr(theirs, EXPLORATIONS[theirs.exploration])
     policy = make_policy(theirs.exploration, network, exploring)
-    amount = torch.full((lanes, 1), exploring)
+    amount = torch.full((lanes, 1), exploring, dtype=torch.float32)
     return lambda state: act(policy, weights, amount, state)
 
 

@@ -27,6 +27,13 @@ _ROWS = 20
 _LATIN = {"λ": "lam", "α": "alpha", "γ": "gamma", "ε": "epsilon"}
 
 
+class _Console(Console):
+    """A console that raises a broken pipe as an OSError, for which rich would end the program."""
+
+    def on_broken_pipe(self) -> None:
+        raise  # the error that rich is handling
+
+
 class Progress:
     """Shows progress on stderr: a bar with the time left on a terminal, else a few lines.
 
@@ -50,7 +57,7 @@ class Progress:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._total, self._description, self._unit = total, description, unit
-        self._console = console or Console(stderr=True)
+        self._console = console or _Console(stderr=True)
         self._clock = clock
         self._started_s = clock()
         self._parts_done = 0
@@ -116,14 +123,14 @@ def announce(line: str, console: Console | None = None) -> None:
 
     If the line can't be written, for example to a log on a full disk, it is dropped.
     """
-    console = console or Console(stderr=True)
+    console = console or _Console(stderr=True)
     with suppress(OSError):
         console.print(line, soft_wrap=True, markup=False, highlight=False)
 
 
 def say(text: str, console: Console | None = None) -> None:
     """Print a command's result unchanged, to standard output unless another console is given."""
-    (console or Console()).print(text, soft_wrap=True, markup=False, highlight=False, emoji=False)
+    (console or _Console()).print(text, soft_wrap=True, markup=False, highlight=False, emoji=False)
 
 
 def line_label(directory: Path, part: str = "") -> str:
@@ -147,7 +154,7 @@ def print_summary(summary: Summary, picture: Path | None, console: Console | Non
             even in a narrow terminal, as a relative path if it is inside the current directory.
         console: the console to print to; by default, standard output.
     """
-    console = console or Console()
+    console = console or _Console()
     table = Table(show_header=False)
     table.add_column(overflow="fold")
     table.add_column(overflow="fold")
@@ -185,7 +192,7 @@ def print_sweep(
         score: the score of all configurations.
         console: the console to print to; by default, standard output.
     """
-    console = console or Console()
+    console = console or _Console()
     table = Table()
     for heading in ("configuration", "runs", "mean score"):
         table.add_column(heading, overflow="fold")

@@ -1,5 +1,6 @@
 """The schema, the values under ``conf/``, and the configurations composed from both."""
 
+import re
 import subprocess
 import sys
 from dataclasses import asdict, replace
@@ -7,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import torch
 from hydra import initialize_config_dir, version
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.utils import JobRuntime
@@ -19,8 +21,9 @@ from fnnq_torchrl.agent.values import NETWORKS
 from fnnq_torchrl.config.checking import UnknownKey, ranges_of, to_config
 from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.runs import Runs
-from fnnq_torchrl.config.schema import PER_RUN, Config, ConfigError
+from fnnq_torchrl.config.schema import PER_RUN, Config, ConfigError, OutOfRange
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
+from fnnq_torchrl.equations.membership import log_membership
 from fnnq_torchrl.launch.composition import load_config
 
 CONF = config_directory()
@@ -459,3 +462,40 @@ def test_imports_are_light(module, heavy):
     script = f"import sys, {module}; print(*{heavy!r} & set(sys.modules))"
     command = [sys.executable, "-c", script]
     assert subprocess.run(command, check=True, capture_output=True, text=True).stdout == "\n"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        (["value.inputs.bearing=[[-1,1e-20],[1,1]]"], "a width above 1.1e-19, so that log μ fits"),
+        (
+            ["value.width=variance", "value.inputs.bearing=[[-1,1e-40],[1,1]]"],
+            "a width above 1.2e-38, so that",
+        ),
+        (["value.inputs.bearing=[{bell: [0,1e-20,2]}]"], "a width above 1.1e-19, so that log μ"),
+        (["value.inputs.bearing=[[0,1e-46]]"], "width > 0"),
+        (["alpha=1e39"], "also when rounded to float32"),
+        (["exploration=boltzmann", "temperature=1e-46"], "(0, inf), also when rounded to float32"),
+        (["kappa=1.00000001"], "(1, inf), also when rounded to float32"),
+        (["env.circle_radius_m=1e-46"], "(0, inf), also when rounded to float32"),
+    ],
+)
+def test_ranges_are_those_of_the_dtype_that_computes(overrides, said):
+    with pytest.raises(OutOfRange, match=re.escape(said)):
+        load_config(*overrides)
+    load_config(*overrides, "machine.dtype=float64")
+
+
+@pytest.mark.parametrize(("dtype", "narrow"), [("float32", 1e-30), ("float64", 1e-200)])
+def test_the_narrowest_label_allowed_has_finite_memberships(dtype, narrow):
+    config = load_config(f"machine.dtype={dtype}")
+    with pytest.raises(OutOfRange) as refused:
+        load_config(f"machine.dtype={dtype}", f"value.inputs.bearing=[[-1,{narrow}],[1,1]]")
+    least = float(re.search(r"above (\S+),", str(refused.value)).group(1))
+    kind = getattr(torch, dtype)
+    low, high = config.env.observations["bearing"]
+    ends = torch.tensor([low, high], dtype=kind)
+    for width, finite in ((1.1 * least, True), (0.4 * least, False)):
+        centres, inverse = (torch.tensor(of, dtype=kind) for of in ([-1, 1], [1 / width] * 2))
+        logs = log_membership(ends, centres, inverse)
+        assert logs.isfinite().all() == finite

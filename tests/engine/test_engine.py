@@ -1,5 +1,6 @@
 """The choice of the engine that runs a job, and the messages about it."""
 
+import errno
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 import torch
 from tensordict import TensorDict, TensorDictBase
+from torch._inductor.runtime.cache_dir_utils import default_cache_dir
 
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.engine.choice import choose_engine, make_engine
@@ -62,7 +64,7 @@ def test_more_work_never_makes_it_eager_again(install: Callable[[str], Path]) ->
 def test_without_a_compiler_auto_is_eager_and_says_why(install: Callable[[str], Path]) -> None:
     engine = choose_engine(MUCH, 1)
     assert engine.name == "eager"
-    assert engine.why == "engine: eager, since there is no C++ compiler that works"
+    assert engine.why.startswith("engine: eager, since there is no C++ compiler ")
 
 
 @pytest.mark.parametrize("engine", ["eager", "compiled"])
@@ -77,12 +79,28 @@ def test_a_compiler_that_fails_is_as_good_as_none(install: Callable[[str], Path]
     install("g++").write_text("#!/bin/sh\nexit 1\n")
     engine = choose_engine(MUCH, 1)
     assert engine.name == "eager"
-    assert engine.why == "engine: eager, since there is no C++ compiler that works"
+    assert engine.why.startswith("engine: eager, since the C++ compiler g++ doesn't work")
+
+
+def test_with_nowhere_to_put_programs_auto_is_eager_and_says_why(
+    install: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install("g++")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "g++"))  # a file
+    monkeypatch.setattr(build, "_check_room", full)
+    engine = choose_engine(MUCH, 1)
+    assert engine.name == "eager"
+    assert engine.why.startswith("engine: eager, since no directory for programs: ")
+    assert "No space left on device" in engine.why
+
+
+def full(directory: Path) -> None:
+    raise OSError(errno.ENOSPC, "No space left on device", str(directory))
 
 
 @pytest.mark.usefixtures("install")
 def test_compiling_without_a_compiler_is_refused_in_one_line() -> None:
-    with pytest.raises(ConfigError, match=r"^engine=compiled: .*C\+\+ compiler.*engine=eager$"):
+    with pytest.raises(ConfigError, match=r"^engine=compiled: .*C\+\+ compiler.*engine=eager "):
         make_engine("compiled", CPU)
     with pytest.raises(ConfigError) as refused:
         choose_engine(replace(LITTLE, engine="compiled"), 1)
@@ -128,7 +146,7 @@ def test_inductor_keeps_its_programs_there_too_unless_the_user_says_where(
     install: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("fnnq_torchrl.engine.inductor.InductorLoop", lambda *args: args)
-    monkeypatch.delenv("TORCHINDUCTOR_CACHE_DIR", raising=False)  # torch may have set it
+    monkeypatch.setenv("TORCHINDUCTOR_CACHE_DIR", default_cache_dir())  # as importing torch sets it
     install("g++")
     make_loop = make_engine("compiled", torch.device("cuda")).make_loop
     make_loop(counting, *[TensorDict({}, [LANES])] * 2)

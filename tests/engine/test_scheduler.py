@@ -1,7 +1,7 @@
 """Many jobs on few lanes; the result of each job is known in advance."""
 
 from collections.abc import Sequence
-from threading import Barrier, Event
+from threading import Barrier, Event, Thread
 
 import pytest
 import torch
@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
+from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.loops import EagerLoop, Step
 from fnnq_torchrl.engine.scheduler import work_through
@@ -213,3 +214,26 @@ def test_a_workers_failure_ends_all_and_is_told(workers: int, fails: int) -> Non
     with pytest.raises(ZeroDivisionError, match=f"^job {fails}$"):
         work_through(task, torch.arange(jobs), lanes=1, workers=workers)
     assert len(task.begun) < jobs / 2
+
+
+@pytest.mark.parametrize("allowed", [0, 1, 2])
+def test_fewer_threads_than_workers_are_enough(
+    monkeypatch: pytest.MonkeyPatch, allowed: int
+) -> None:
+    started, start = [], Thread.start
+
+    def limited(thread: Thread) -> None:
+        if len(started) == allowed:
+            raise RuntimeError("can't start new thread")
+        started.append(thread)
+        start(thread)
+
+    monkeypatch.setattr(Thread, "start", limited)
+    lengths = [3, 1, 7, 2, 5, 4]
+    task = Collatz(lengths)
+    if allowed:
+        work_through(task, torch.arange(len(lengths)), lanes=2, workers=4)
+        assert task.results == one_after_the_other(lengths)
+    else:
+        with pytest.raises(ConfigError, match="no thread can be started here: allow more"):
+            work_through(task, torch.arange(len(lengths)), lanes=2, workers=4)

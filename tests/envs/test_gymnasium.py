@@ -221,3 +221,26 @@ def test_gymnasium_makes_vectors_too():
     assert seen.shape == (4, 1)
     assert len({*seen[:, 0].tolist()}) == 4
     assert isinstance(many.unwrapped, GymWorlds)
+
+
+@pytest.fixture
+def doubles():
+    """Make float64 torch's default dtype, as some users' programs do."""
+    before = torch.get_default_dtype()
+    torch.set_default_dtype(torch.float64)
+    yield
+    torch.set_default_dtype(before)
+
+
+def test_the_default_dtype_does_not_reach_the_worlds(world, doubles):
+    for env, action in ((GymWorld(world, 21), 3), (GymWorlds(2, world, 21), np.array([3, 4]))):
+        seen, _ = env.reset(seed=np.int64(5))
+        again, _ = env.reset(seed=5)
+        assert np.array_equal(seen, again)
+        stepped = env.step(action)[0]
+        for each in (seen, stepped):
+            assert each.dtype == np.float32
+            assert env.observation_space.contains(each)
+    env = GymWorld(world, 21)
+    seen, _ = env.reset(options={"start": [0.5] * len(world.start_values)})
+    assert env.observation_space.contains(seen)

@@ -3,6 +3,7 @@
 import pickle
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import pytest
 import torch
@@ -68,3 +69,12 @@ def test_another_programs_file_is_refused(path: Path, content: Any) -> None:
 def test_another_format_is_refused(path: Path) -> None:
     write_plain(path, 8, CONTENT)
     assert refusal(path) == "FILE is a cup of format 8, and this program reads 7"
+
+
+def test_a_small_file_that_would_become_large_is_refused(path: Path) -> None:
+    with ZipFile(path) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
+        for name, content in entries.items():
+            archive.writestr(name, content)
+    assert refusal(path) == "FILE is damaged, or not a cup"

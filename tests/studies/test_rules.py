@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from matplotlib import rc_context
 
 from fnnq_torchrl import RuleBase, load_rules, plot, rules
 from fnnq_torchrl.launch.composition import load_config
@@ -165,6 +166,11 @@ def test_explained_exported_and_recorded(
     assert run(rules, monkeypatch, *words) == 0
     assert capsys.readouterr().out.startswith("bearing = 0.3: steer ")
     assert (tmp_path / "e.png").stat().st_size > 0
+    (directory / "explanation.png").mkdir()  # the default picture can't be written there
+    assert run(rules, monkeypatch, *words[:-1]) == 0
+    shown = capsys.readouterr()
+    assert shown.out.startswith("bearing = 0.3: steer ")
+    assert shown.err.startswith(f"going on without {directory / 'explanation.png'}")
     words = (f"run={directory}", "seed=0", f"export={tmp_path / 'q.fll'}")
     assert run(rules, monkeypatch, *words, f"record={tmp_path / 'd.csv'}") == 0
     again = RuleBase.read(tmp_path / "q.fll")
@@ -178,7 +184,8 @@ def test_explained_exported_and_recorded(
 
 def test_drawn(directory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = (f"run={directory}", f"to={tmp_path}", "situation=2", "format=svg")
-    assert run(plot, monkeypatch, *words) == 0
+    with rc_context({"text.usetex": True}):  # a user's setting, which fails without LaTeX
+        assert run(plot, monkeypatch, *words) == 0
     drawn = {path.stem: path.read_text() for path in tmp_path.iterdir()}
     assert set(drawn) == {"memberships", "surface", "consequents", "episode"}
 

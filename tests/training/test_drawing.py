@@ -57,17 +57,20 @@ def test_the_users_settings_of_matplotlib_do_not_reach_a_picture(
 
 
 def test_settings_that_stop_matplotlib_do_not_stop_a_picture(tmp_path: Path, usual: bytes) -> None:
-    (tmp_path / "settings").write_bytes(LATIN_1)
-    done = draw_in(tmp_path, MPLBACKEND="no such one", MATPLOTLIBRC=str(tmp_path / "settings"))
+    (tmp_path / "matplotlibrc").write_bytes(LATIN_1)  # it takes precedence over all others
+    done = draw_in(tmp_path, MPLBACKEND="no such one")
     assert (tmp_path / "job" / drawing.PICTURE).read_bytes() == usual
     assert "going on" not in done.stderr
 
 
-def test_a_picture_without_matplotlib_is_told_in_a_line(tmp_path: Path) -> None:
-    (tmp_path / "matplotlibrc").write_bytes(LATIN_1)  # it takes precedence over all others
-    *_, line = draw_in(tmp_path).stderr.splitlines()
-    assert line.startswith(f"going on without job/{drawing.PICTURE}, which can't be drawn: 'utf-8'")
-    assert not (tmp_path / "job" / drawing.PICTURE).exists()
+def test_a_picture_without_matplotlib_is_told_in_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "fnnq_torchrl.training.pictures.curves", None)
+    drawing.draw_job(write_job(tmp_path))
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"going on without {tmp_path / drawing.PICTURE}, which can't be drawn: ")
+    assert not (tmp_path / drawing.PICTURE).exists()
 
 
 def broken(*arguments: object) -> None:

@@ -1,7 +1,6 @@
 """Training on a full disk and on a read-only disk. The tests mount both if they are allowed to."""
 
 import resource
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.job import run_job
 from fnnq_torchrl.training.trainer import Trainer
 from tests.commands import fnnq_train
+from tests.disks import mounted
 from tests.programs import saved_training
 
 TINY = ("situations=5", "env.time_limit_steps=4", "engine=eager", "checkpoint.every_s=1e-9")
@@ -21,18 +21,11 @@ TINY = ("situations=5", "env.time_limit_steps=4", "engine=eager", "checkpoint.ev
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
     """Mount a disk of 64 KiB that has a saved training."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)]
-    if shutil.which("mount") is None or subprocess.run(mount, capture_output=True).returncode:
-        pytest.skip("needs the right to mount")
-    try:
+    with mounted(tmp_path / "disk", "size=64k") as place:
         config = load_config(*TINY)
         trainer = Trainer.of(config)
         saved_training(place, config).save(trainer.ledger, [])
         yield place
-    finally:
-        subprocess.run(["umount", str(place)], check=True)
 
 
 def fill(disk: Path) -> None:
@@ -105,7 +98,7 @@ def test_a_log_that_is_full_ends_nothing(tmp_path: Path) -> None:
         assert (tmp_path / "summary.json").exists()
         (tmp_path / "summary.json").unlink()
         ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert ended.stderr.splitlines()[-1] == "No space left on device"
+    assert ended.stderr.splitlines()[-1] == "standard output: No space left on device"
     assert ended.returncode == 1
     assert (tmp_path / "summary.json").exists()
 

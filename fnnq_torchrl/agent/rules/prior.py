@@ -115,7 +115,8 @@ def preferences(
         float64 ``[labels of input 1, …, action labels]``; 0 for states without an action.
     """
     middles = torch.tensor(
-        [label.function.middle(label.parameters) for label in variables[-1].labels]
+        [label.function.middle(label.parameters) for label in variables[-1].labels],
+        dtype=torch.float32,
     ).double()
     values = torch.zeros([len(variable.labels) for variable in variables], dtype=torch.float64)
     span = float(middles.max() - middles.min()) or 1.0

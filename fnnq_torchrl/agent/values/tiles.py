@@ -56,7 +56,8 @@ class TilesValue(ValueNetwork):
         self._spans = [*inputs.values(), action]
         self._tiles = tiles
         for i in range(len(self._spans)):
-            offset = torch.arange(tilings) * (2 * i + 1) % tilings / tilings
+            number = torch.arange(tilings) * (2 * i + 1) % tilings
+            offset = number.float() / tilings
             self.register_buffer(f"offset_{i}", offset.to(candidates).unsqueeze(-1))
         self.register_buffer("numbers", torch.arange(tiles + 1).to(candidates))
         # The candidates never change, so neither do their tiles.

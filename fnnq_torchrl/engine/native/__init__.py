@@ -14,15 +14,15 @@ A lane is the place of one run in a batch. The stages:
    C++, and writes the program; :mod:`.build` compiles and caches it.
 """
 
-from .build import cache_directory, compiler, compiler_found
+from .build import CannotCompile, cache_directory, check_compiler
 from .expressions import Unsupported
 from .loop import NativeLoop, RunsMixed
 
 __all__ = [
+    "CannotCompile",
     "NativeLoop",
     "RunsMixed",
     "Unsupported",
     "cache_directory",
-    "compiler",
-    "compiler_found",
+    "check_compiler",
 ]

@@ -1,9 +1,11 @@
 """Compile a C++ program, cache it and load its function."""
 
 import ctypes
+import errno
 import functools
 import hashlib
 import logging
+import mmap
 import os
 import platform
 import shlex
@@ -20,6 +22,9 @@ from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.files.atomic import atomic_write
 
 _log = logging.getLogger(__name__)
+
+_ROOM = 2**22
+"""The bytes that must be free for a program, its assembly and its object file."""
 
 _FLAGS = (
     "-std=c++17 -O1 -ftree-vectorize -fopenmp-simd -shared -fPIC -w "
@@ -38,38 +43,100 @@ def compiler() -> str:
     return os.environ.get("CXX") or ("clang++" if sys.platform == "darwin" else "g++")
 
 
-def compiler_found() -> bool:
-    """Return whether the compiler exists and preprocesses an empty file, which is a fast check."""
-    if shutil.which(shlex.split(compiler())[0]) is None:
-        return False
+class CannotCompile(ConfigError):
+    """Programs can't be compiled or loaded here.
+
+    Args:
+        reason: the reason, in one line.
+    """
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return f"engine=compiled: {self.reason}; engine=eager compiles nothing"
+
+
+def check_compiler() -> None:
+    """Check, in some milliseconds, that programs can be compiled, kept and loaded.
+
+    Raises:
+        CannotCompile: if the compiler is missing or can't preprocess an empty file; or neither the
+            cache nor the temporary directory has room for a program that can be executed.
+    """
     try:
-        _target(compiler())
-    except ConfigError:
-        return False
-    return True
+        program, *_ = shlex.split(compiler())
+    except ValueError as error:  # an open quotation, or blanks only
+        raise CannotCompile(f"CXX={compiler()}: is no command") from error
+    if shutil.which(program) is None:
+        raise CannotCompile(
+            f"there is no C++ compiler {compiler()}; install one, or name it in CXX"
+        )
+    _target(compiler())
+    cache_directory()
 
 
 def cache_directory() -> Path:
     """Return the directory that caches compiled programs for later jobs.
 
-    If the user's cache isn't writable, it is a temporary directory of this process.
+    If the user's cache can't keep programs, it is a temporary directory of this process.
+
+    Raises:
+        CannotCompile: if the temporary directory can't keep programs, either.
     """
     home = os.environ.get("XDG_CACHE_HOME", "")
-    return _writable(home if Path(home).is_absolute() else "~/.cache")
+    return _usable(home if Path(home).is_absolute() else "~/.cache")
 
 
 @functools.cache
-def _writable(home: str) -> Path:
+def _usable(home: str) -> Path:
     try:
         directory = Path(home).expanduser() / "fnnq_torchrl"
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=directory):
-            return directory
+        _check_owner(directory)
+        _check_room(directory)
     except (OSError, RuntimeError) as error:  # without a home there is no ~
+        try:
+            directory = Path(_for_this_process().name)
+            _check_room(directory)
+        except OSError as second:
+            raise CannotCompile(f"no directory for programs: {error}; {second}") from second
         _log.info(
-            "compiled programs aren't cached: %s; set XDG_CACHE_HOME to a writable directory", error
+            "compiled programs aren't cached: %s; set XDG_CACHE_HOME to another directory", error
         )
-        return Path(_for_this_process().name)
+    return directory
+
+
+def _check_owner(directory: Path) -> None:
+    """Check that only this user can put programs into a directory, since they are executed.
+
+    Raises:
+        PermissionError: if another user owns the directory, or others may write there.
+    """
+    if sys.platform != "win32":
+        found = directory.stat()
+        if found.st_uid != os.geteuid() or found.st_mode & 0o022:
+            raise PermissionError(errno.EPERM, "other users can write there", str(directory))
+
+
+def _check_room(directory: Path) -> None:
+    """Check that a directory has room for a program and may hold programs.
+
+    Raises:
+        OSError: if it is read-only or full, or its programs can't be executed (noexec).
+    """
+    try:
+        with tempfile.TemporaryFile(dir=directory) as file:
+            file.write(bytes(_ROOM))
+            file.flush()
+            if sys.platform != "win32":
+                mmap.mmap(file.fileno(), _ROOM, prot=mmap.PROT_READ | mmap.PROT_EXEC).close()
+    except PermissionError as error:
+        why = f"{error.strerror} (is it mounted noexec?)"
+        raise PermissionError(error.errno, why, str(directory)) from error
+    except OSError as error:  # it names a temporary file or none
+        raise OSError(error.errno, error.strerror, str(directory)) from error
 
 
 @functools.cache
@@ -83,8 +150,8 @@ def build(text: str) -> Callable[..., Any]:
     The function releases the GIL.
 
     Raises:
-        ConfigError: if there is no compiler, it fails, or its library can't be loaded.
-        OSError: if the library can't be written, for example on a full disk.
+        CannotCompile: if there is no compiler, it fails, its library can't be loaded, or the
+            library can't be written, for example on a full disk.
     """
     digest = hashlib.sha256(f"{_target(compiler())}\n{_FLAGS}\n{text}".encode()).hexdigest()
     library = cache_directory() / "native" / f"{digest[:32]}.so"
@@ -97,17 +164,21 @@ def build(text: str) -> Callable[..., Any]:
         try:
             run = ctypes.CDLL(str(library)).run
         except OSError as error:
-            raise ConfigError(f"engine=compiled: {error}; engine=eager loads nothing") from error
+            raise CannotCompile(str(error)) from error
     run.argtypes = [ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p]
     run.restype = None
     return run
 
 
 def _make(library: Path, text: str) -> None:
-    library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    # Other jobs may compile the same program now: each writes its own file, and the last one wins.
-    with atomic_write(library) as file:
-        _compile(compiler(), ["-x", "c++", *_FLAGS.split(), "-", "-o", file.name], text)
+    try:
+        library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        # Other jobs may compile the same program now: each writes its own file; the last one wins.
+        with atomic_write(library) as file:
+            arguments = ["-x", "c++", *_FLAGS.split(), "-", "-o", file.name]
+            _compile(compiler(), arguments, text, library.parent)
+    except OSError as error:
+        raise CannotCompile(str(error)) from error
 
 
 @functools.cache
@@ -116,9 +187,22 @@ def _target(compiler: str) -> str:
     return _compile(compiler, [*_FLAGS.split(), "-dM", "-E", "-x", "c++", os.devnull], "")
 
 
-def _compile(compiler: str, arguments: list[str], text: str) -> str:
+def _compile(compiler: str, arguments: list[str], text: str, directory: Path | None = None) -> str:
+    """Run the compiler and return its output.
+
+    Args:
+        compiler, arguments: its command.
+        text: the text that it reads.
+        directory: the directory for its files, also the temporary ones; None if it writes none.
+
+    Raises:
+        CannotCompile: if it fails.
+        OSError: if it fails, and its directory is full.
+    """
     command = [*shlex.split(compiler), *arguments]
-    english = os.environ | {"LC_ALL": "C"}
+    surroundings = os.environ | {"LC_ALL": "C"}
+    if directory is not None:  # not on another disk, which may be full
+        surroundings |= {"TMPDIR": str(directory)}
     try:
         done = subprocess.run(
             command,
@@ -126,13 +210,14 @@ def _compile(compiler: str, arguments: list[str], text: str) -> str:
             text=True,
             capture_output=True,
             check=True,
-            env=english,
+            env=surroundings,
             start_new_session=True,  # Ctrl-C must not end it: we may want to save first
         )
     except (OSError, subprocess.CalledProcessError) as error:
-        raise ConfigError(
-            f"engine=compiled: the C++ compiler {compiler} doesn't work; engine=eager needs none. "
-            f"It says: {_complaint(error)}"
+        if directory is not None:
+            _check_room(directory)  # a linker gives no reason if the disk is full
+        raise CannotCompile(
+            f"the C++ compiler {compiler} doesn't work. It says: {_complaint(error)}"
         ) from error
     return done.stdout
 

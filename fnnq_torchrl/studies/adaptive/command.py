@@ -20,4 +20,4 @@ def main() -> None:
         page = arguments.to / "adaptive.md"
         with atomic_write(page) as file:
             file.write(text.encode())
-    announce(str(page))
+        announce(str(page))

@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+from envs.pictures import own_style
 from fnnq_torchrl.files.atomic import atomic_write
 from fnnq_torchrl.launch.arguments import one_line_errors, page_parser
 from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
-from fnnq_torchrl.training.pictures.style import own_style, save
+from fnnq_torchrl.training.pictures.style import save
 from fnnq_torchrl.training.terminal import announce
 
 from .findings import Findings
@@ -23,7 +24,7 @@ def main() -> None:
         experiment = newest_experiment(arguments.results, "extrapolation")
         findings, constant = measure(experiment)
         write(findings, write_page(findings, constant, sweep), arguments.to)
-    announce(str(arguments.to / "extrapolation.md"))
+        announce(str(arguments.to / "extrapolation.md"))
 
 
 def measure(experiment: Experiment) -> tuple[list[Findings], list[FirstSide]]:
@@ -63,9 +64,9 @@ def write(findings: list[Findings], page: str, to: Path) -> None:
     """
     pictures = to / "figures"
     pictures.mkdir(parents=True, exist_ok=True)
+    with atomic_write(to / "extrapolation.md") as file:
+        file.write(page.encode())
     for name, draw in FIGURES.items():
         figure = draw({each.kind: each for each in findings})
         for suffix in (".png", ".svg"):
             save(figure, (pictures / name).with_suffix(suffix))
-    with atomic_write(to / "extrapolation.md") as file:
-        file.write(page.encode())

@@ -3,10 +3,9 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from envs.pictures import Axes, Figure
 from fnnq_torchrl.studies.figures.lines import INTERVAL
 from fnnq_torchrl.studies.statistics import bootstrap_interval
 from fnnq_torchrl.training.intervals import mean_interval

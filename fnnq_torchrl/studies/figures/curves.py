@@ -1,7 +1,6 @@
 """A figure of an experiment's learning curves."""
 
-from matplotlib.figure import Figure
-
+from envs.pictures import Figure
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.training.pictures.curve import Curve
 from fnnq_torchrl.training.pictures.curves import curves_figure

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from envs.pictures import Figure
 from fnnq_torchrl.studies.experiments import Experiment, Job
 from fnnq_torchrl.studies.figures.job_words import job_words
 from fnnq_torchrl.studies.measures import MEASURES

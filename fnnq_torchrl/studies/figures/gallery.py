@@ -3,12 +3,11 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
+from envs.pictures import Figure, own_style
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.studies.figures.curves import experiment_curves_figure
 from fnnq_torchrl.studies.figures.job_words import change_words
-from fnnq_torchrl.training.pictures.style import own_style, save
+from fnnq_torchrl.training.pictures.style import save
 
 from .dots import dots_figure
 from .lines import lines_figure

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from itertools import cycle, product
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from envs.pictures import Axes, Figure
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.studies.measures import MEASURES
 from fnnq_torchrl.studies.statistics import bootstrap_interval

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.transforms import Transform
 from numpy.typing import ArrayLike
+
+from envs.pictures import Axes, Transform
 
 FEW = 0.2
 """The largest share of the values that may be outliers."""

@@ -2,10 +2,8 @@
 
 import numpy as np
 import torch
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 
+from envs.pictures import Axes, Figure, LineCollection
 from fnnq_torchrl.studies.effective_step import effective_step, squared_gradient
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.training.pictures.style import (

@@ -17,4 +17,4 @@ def main() -> None:
         page = arguments.to / "memberships.md"
         with atomic_write(page) as file:
             file.write(text.encode())
-    announce(str(page))
+        announce(str(page))

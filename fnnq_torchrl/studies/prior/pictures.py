@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from itertools import cycle
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from torch import Tensor
 
+from envs.pictures import Axes, Figure
 from fnnq_torchrl.training.intervals import mean_interval
 from fnnq_torchrl.training.pictures.style import (
     LINES,

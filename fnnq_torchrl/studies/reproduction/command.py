@@ -29,12 +29,13 @@ def main() -> None:
             return
         experiments = {name: newest_experiment(arguments.results, name) for name in EXPERIMENTS}
         text = write_page(experiments)
-        figures = {name: experiments[source] for name, source in FIGURES.items()}
-        draw(figures, arguments.to / "figures")
+        arguments.to.mkdir(parents=True, exist_ok=True)
         page = arguments.to / "reproduction.md"
         with atomic_write(page) as file:
             file.write(text.encode())
-    announce(str(page))
+        figures = {name: experiments[source] for name, source in FIGURES.items()}
+        draw(figures, arguments.to / "figures")
+        announce(str(page))
 
 
 def _print_short(results: Path) -> None:

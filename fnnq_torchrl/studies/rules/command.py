@@ -21,6 +21,7 @@ from fnnq_torchrl.studies.rules.pictures import draw_explanation
 from fnnq_torchrl.studies.rules.reading import read_run
 from fnnq_torchrl.studies.rules.recording import record
 from fnnq_torchrl.studies.rules.telling import FORMATS
+from fnnq_torchrl.training.drawing import optional
 from fnnq_torchrl.training.terminal import announce, say
 
 _EXPLAIN = "explain."
@@ -63,10 +64,15 @@ def _run(words: dict[str, str]) -> None:
         raise RulesError(f"picture={words['picture']}: needs explain.…=NUMBER")
     if observation:
         explanation = explain(chosen.parts, observation)
-        picture = Path(words.get("picture", job.directory / "explanation.png"))
-        draw_explanation(explanation, picture)
         say(str(explanation))
-        announce(f"picture: {picture}")
+        if "picture" in words:
+            draw_explanation(explanation, Path(words["picture"]))
+            announce(f"picture: {words['picture']}")
+        else:
+            picture = job.directory / "explanation.png"
+            with optional(picture):
+                draw_explanation(explanation, picture)
+                announce(f"picture: {picture}")
     if "export" in words:
         floats = truth("export_float", words.get("export_float", "false"))
         controller = words.get("controller")

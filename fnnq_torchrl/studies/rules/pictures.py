@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from envs.pictures import Axes, Figure, own_style
 from fnnq_torchrl.agent.rules import Explanation, Variable
 from fnnq_torchrl.studies.rules.job import Chosen, Job
 from fnnq_torchrl.studies.rules.reading import HARDLY, Reading
@@ -20,6 +19,7 @@ _POINTS = 401
 _MOST_LINES = 8
 
 
+@own_style()
 def draw_explanation(explanation: Explanation, picture: Path) -> None:
     """Draw Q of the candidate actions, and each rule's contribution to Q of the explained action.
 

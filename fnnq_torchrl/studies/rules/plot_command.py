@@ -14,8 +14,7 @@ pdf. own=true imports your own classes.
 from collections.abc import Iterator
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
+from envs.pictures import Figure, own_style
 from fnnq_torchrl.agent.rules import RulesError
 from fnnq_torchrl.agent.rules.errors import shown
 from fnnq_torchrl.launch.arguments import one_line_errors, read_words
@@ -38,6 +37,7 @@ def main() -> None:
         _run(words)
 
 
+@own_style()
 def _run(words: dict[str, str]) -> None:
     job, chosen = chosen_run(words)
     tests, given = job.config.evaluation.tests, words.get("situation", "1")

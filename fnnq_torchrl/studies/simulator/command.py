@@ -16,4 +16,4 @@ def main() -> None:
         text = write_page(newest_experiment(arguments.results, "simulator"))
         with atomic_write(page) as file:
             file.write(text.encode())
-    announce(str(page))
+        announce(str(page))

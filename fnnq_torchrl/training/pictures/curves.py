@@ -5,12 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from envs.pictures import Axes, Figure, LineCollection, MaxNLocator, own_style
 from fnnq_torchrl.training.intervals import MeanInterval, mean_interval
 from fnnq_torchrl.training.results import CONFIDENCE, Evaluations, best_first, read_evaluations
 from fnnq_torchrl.training.score import Score
@@ -23,7 +20,6 @@ from .style import (
     count_words,
     label_ends,
     new_figure,
-    own_style,
     quiet_grid,
     save,
 )

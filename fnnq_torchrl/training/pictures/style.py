@@ -1,17 +1,14 @@
 """The common style of all pictures: colours, labels beside lines, titles and files."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context, rcdefaults
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
+from envs.pictures import Axes, Figure, rc_context
 from fnnq_torchrl.files.atomic import atomic_write
 
 # Okabe and Ito's colours for colour-blind readers, without the yellow, which is too pale.
@@ -24,14 +21,6 @@ LABEL_PITCH_PT = 1.35 * LABEL_PT
 """The least distance between the middles of two labels, in points."""
 
 _DPI = 160
-
-
-@contextmanager
-def own_style() -> Iterator[None]:
-    """Use Matplotlib's defaults, not the user's settings, in a block or a decorated function."""
-    with rc_context():
-        rcdefaults()
-        yield
 
 
 def new_figure(width_in: float, height_in: float, title: str, caption: str) -> Figure:

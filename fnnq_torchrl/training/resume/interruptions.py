@@ -11,7 +11,7 @@ from typing import Any, Self
 SAVING = ("SIGUSR1", "SIGUSR2")
 """Signals that ask for a save; the work goes on. Slurm can send one before a time limit."""
 
-_ENDING = ("SIGTERM", "SIGINT")
+_ENDING = ("SIGTERM", "SIGINT", "SIGHUP")
 
 
 class Interrupted(Exception):
@@ -52,10 +52,10 @@ class Lost(Interrupted):
 class Interruptions:
     """Says when to save and when to end, inside a ``with`` block in the main thread.
 
-    In this block, SIGUSR1 and SIGUSR2 ask for a save. SIGTERM and SIGINT ask for a save and the
-    end of the work; a second SIGTERM or SIGINT ends the process at once. A signal keeps its
-    handler if other code, such as submitit, has set one. SIGTERM and SIGINT stay ignored if the
-    process was started to ignore them, like the background jobs of a script.
+    In this block, SIGUSR1 and SIGUSR2 ask for a save. SIGTERM, SIGINT and SIGHUP, which comes when
+    the terminal is closed, ask for a save and the end of the work; a second one ends the process at
+    once. A signal keeps its handler if other code, such as submitit, has set one. These three stay
+    ignored if the process was started to ignore them, like the background jobs of a script.
 
     After the work, the block may do something that must not be cut off, such as writing results;
     after that, :meth:`obey` raises the exception for a signal that has come.

@@ -2,18 +2,20 @@
 
 import ctypes
 import os
+import re
 import stat
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
 
-from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.engine.native import build as building
 from fnnq_torchrl.engine.native import cache_directory
-from fnnq_torchrl.engine.native.build import build, compiler_found
+from fnnq_torchrl.engine.native.build import CannotCompile, build, check_compiler
+from tests.disks import mounted
 
 pytestmark = pytest.mark.usefixtures("compiler")
 
@@ -69,7 +71,7 @@ def test_jobs_that_build_the_same_at_once_leave_one_whole_file(empty_cache: Path
 
 
 def test_a_program_that_does_not_compile_leaves_nothing(empty_cache: Path) -> None:
-    with pytest.raises(ConfigError, match=r"^engine=compiled: .*nonsense"):
+    with pytest.raises(CannotCompile, match=r"^engine=compiled: .*nonsense"):
         build("nonsense")
     assert [*empty_cache.iterdir()] == []
 
@@ -80,7 +82,7 @@ def test_programs_are_kept_where_the_user_keeps_caches(
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg") if "absolute" in xdg else xdg)
-    building._writable.cache_clear()
+    building._usable.cache_clear()
     home = tmp_path / ("xdg" if "absolute" in xdg else ".cache")
     assert cache_directory() == home / "fnnq_torchrl"
     assert stat.S_IMODE(cache_directory().stat().st_mode) == 0o700  # its files are executed
@@ -96,6 +98,18 @@ def test_where_nothing_can_be_kept_it_is_made_for_this_process(
     assert not str(cache_directory()).startswith(str(tmp_path))
     (record,) = caplog.records
     assert "XDG_CACHE_HOME" in record.message
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs permissions")
+def test_programs_that_others_may_write_are_not_run(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "fnnq_torchrl").mkdir()
+    (tmp_path / "fnnq_torchrl").chmod(0o777)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with caplog.at_level("INFO"):
+        assert tmp_path not in cache_directory().parents
+    assert "other users can write there" in caplog.text
 
 
 @pytest.mark.parametrize("damage", [b"", b"no program"])
@@ -128,21 +142,57 @@ def test_a_compiler_that_fails_is_told_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, says: str
 ) -> None:
     fake(tmp_path, monkeypatch, script)
-    assert not compiler_found()
-    with pytest.raises(ConfigError, match=f"^engine=compiled: .*engine=eager.*{says}$"):
+    with pytest.raises(CannotCompile, match=f"^engine=compiled: .*{says}; engine=eager"):
+        check_compiler()
+    with pytest.raises(CannotCompile, match=f"^engine=compiled: .*{says}; engine=eager"):
         build(ADD % 8)
 
 
 def test_the_compiler_is_the_systems_or_the_one_that_is_named(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setenv("CXX", str(tmp_path / "nobody"))
-    assert not compiler_found()
+    for command in (str(tmp_path / "nobody"), "'", " "):
+        monkeypatch.setenv("CXX", command)
+        with pytest.raises(CannotCompile, match=re.escape(command)):
+            check_compiler()
     fake(tmp_path, monkeypatch, "test $1 = -O0")
-    assert compiler_found()
+    check_compiler()
 
 
 def test_ctrl_c_is_not_for_the_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     ours = f"import os; assert os.getsid(0) != {os.getsid(0)}"
     fake(tmp_path, monkeypatch, f"'{sys.executable}' -c '{ours}'")
-    assert compiler_found()
+    check_compiler()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [("noexec", "noexec"), ("size=1m", "No space left on device"), ("ro", "Read-only")],
+)
+def test_a_cache_that_cannot_keep_programs_is_found_out_before(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    options: str,
+    says: str,
+) -> None:
+    with mounted(tmp_path / "disk", options) as disk:
+        monkeypatch.setenv("XDG_CACHE_HOME", str(disk))
+        with caplog.at_level("INFO"):
+            assert call(build(ADD % 9), 0, 0) == 9
+        (record,) = caplog.records
+        assert says in record.message
+        monkeypatch.setattr(building, "_for_this_process", lambda: SimpleNamespace(name=str(disk)))
+        building._usable.cache_clear()
+        with pytest.raises(CannotCompile, match=f"^engine=compiled: no directory.*{says}"):
+            check_compiler()
+
+
+def test_a_disk_that_becomes_full_is_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The linker itself gives only its exit status."""
+    with mounted(tmp_path / "disk", "size=8k") as disk:
+        monkeypatch.setattr(building, "cache_directory", lambda: disk)
+        with pytest.raises(CannotCompile, match="No space left on device"):
+            build(ADD % 10)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 from matplotlib.colors import to_rgb
 from torchrl.envs import TransformedEnv, check_env_specs
 
@@ -74,3 +75,10 @@ def test_torchrl_gets_pixels():
     pixels = env.rollout(2)["next", "pixels"]
     assert pixels.shape[:2] == (2, 2)
     assert (pixels[0] != pixels[1]).any()
+
+
+def test_the_users_settings_of_matplotlib_do_not_reach_a_picture():
+    ball = replace(SHOT, balls=[(1.0, 1.0, 0.3, "ball")])
+    usual = Canvas().draw([[ball, ball]])
+    with rc_context({"text.usetex": True, "lines.linewidth": 9, "axes.facecolor": "red"}):
+        assert np.array_equal(Canvas().draw([[ball, ball]]), usual)

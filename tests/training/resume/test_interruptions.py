@@ -47,7 +47,7 @@ def test_a_warning_makes_it_due_and_the_work_goes_on(name: str) -> None:
         assert not work.due()
 
 
-@pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", 130)])
+@pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", 130), ("SIGHUP", 129)])
 def test_an_order_to_end_is_obeyed_when_all_is_saved(name: str, status: int) -> None:
     with Interruptions(1e9) as work:
         os.kill(os.getpid(), getattr(signal, name))
