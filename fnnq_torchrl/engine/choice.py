@@ -112,10 +112,12 @@ def make_engine(name: str, device: torch.device, why: str = "") -> Engine:
     return Engine(name, why, _native_loop, workers=torch.get_num_threads(), most_lanes=2**11)
 
 
-def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+def _native_loop(
+    make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase, recipe: str | None = None
+) -> Loop:
     """Compile a step to C++, or with TorchInductor if it has an operation we can't translate."""
     try:
-        return NativeLoop(make_step, stays, state)
+        return NativeLoop(make_step, stays, state, recipe)
     except RunsMixed as error:
         raise ConfigError(f"engine=compiled: {error}") from error
     except (DataDependentOutputException, GuardOnDataDependentSymNode) as error:
@@ -129,7 +131,9 @@ def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBa
         return _inductor_loop(make_step, stays, state)
 
 
-def _inductor_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+def _inductor_loop(
+    make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase, recipe: str | None = None
+) -> Loop:
     # Torch's default is a temporary directory, which later jobs wouldn't find. Each kind of
     # processor has its own: machines may share a home, and torch doesn't tell their programs apart.
     cache = cache_directory() / "inductor" / torch.backends.cpu.get_cpu_capability()

@@ -7,15 +7,18 @@ A lane is the place of one run in a batch. The stages:
    :mod:`.expressions`). This removes views and broadcasts, and merges equal expressions. A small
    dimension has an expression for each element. A large one has a single expression for all its
    elements, a family, which depends on a loop variable.
-3. :mod:`.loop` compares the two runs: each must compute the same function of its own state alone.
+3. :mod:`.translation` compares the two runs: each must compute the same function of its own state
+   alone.
 4. :mod:`.nests` orders one run's expressions and puts families in loops. A sum shares the loop of
    the products that it adds up.
 5. :mod:`.source` writes the C++ program; :mod:`.build` compiles and caches it.
+
+If the program of a step is in the cache, :mod:`.known` finds it without these stages.
 """
 
 from .build import cache_directory, compiler, compiler_found
-from .expressions import Unsupported
-from .loop import NativeLoop, RunsMixed
+from .errors import RunsMixed, Unsupported
+from .loop import NativeLoop
 
 __all__ = [
     "NativeLoop",

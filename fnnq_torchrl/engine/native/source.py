@@ -9,13 +9,13 @@ from string import Template
 import torch
 
 from .arrays import Axes
+from .errors import Unsupported
 from .expressions import (
     COMPARISONS,
     WHOLE,
     Axis,
     Expression,
     Place,
-    Unsupported,
     Where,
     in_order,
 )
