@@ -53,6 +53,12 @@ compiled programs; "warm" are the commands after it.
 
 $command
 
+The parts of a small command that finds its programs in the cache, beside the imports that any
+program with TorchRL makes. The command imports without looking for garbage among the modules
+(`fnnq_torchrl.launch.imports`), so it can take less than these imports alone.
+
+$stages
+
 ## Memory
 
 Resident memory of the process. We keep the weights of each run at its 41 evaluations; the C program

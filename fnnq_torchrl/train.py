@@ -9,7 +9,10 @@ def main() -> None:
     """Run the train command. Slow imports are made inside, so that Ctrl-C is handled early."""
     _check_envs()
     try:
-        from fnnq_torchrl.launch.train import main as train
+        from fnnq_torchrl.launch.imports import uncollected
+
+        with uncollected():
+            from fnnq_torchrl.launch.train import main as train
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
         sys.exit(130)

@@ -66,7 +66,7 @@ def mean_interval(
 
 
 def student_t(dof: int, confidence: float) -> float:
-    """Return the t with P(|T| < t) = ``confidence``, for Student's t with ``dof`` degrees of freedom.
+    """Return the t with P(|T| < t) = ``confidence``, T having Student's t distribution.
 
     SciPy has this quantile too, but importing SciPy would take longer than a job takes to learn.
     With t = √dof · tan θ, the probability is a finite sum (Abramowitz and Stegun, 26.7.3 and

@@ -199,9 +199,9 @@ def _run_batch(
         with suppress(OSError):  # probably for the same reason; the earlier save stays
             saved.save(trainer.ledger, [])
     if pictures:  # last, and in this thread, since Matplotlib isn't thread-safe
-        for job, result in zip(batch.jobs, results, strict=True):
+        for (job, (begin, end)), result in zip([*others, last], results, strict=True):
             if isinstance(result, float):
-                draw_job(job)
+                draw_job(job, outcome.of(slice(begin, end)))
     if not isinstance(results[-1], OSError):
         saved.discard()
     return results

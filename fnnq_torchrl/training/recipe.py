@@ -1,30 +1,29 @@
 """The recipe of a job's steps, by which the engine finds programs that it has compiled before."""
 
 import json
-from dataclasses import asdict
 
 from envs.core.registry import is_own
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE
 
-_OF_STATE = (*ASIDE, *BATCHABLE, "engine", "situations")
-"""Keys that a step doesn't depend on: their values are in its inputs, or are no part of it."""
+_NOT_OF_THE_STEP = (*ASIDE, *BATCHABLE, "engine", "situations")
+"""Keys whose values are inputs of a step, or no part of it."""
 
 
 def recipe(config: Config, step: str, prior: str | None = None) -> str | None:
-    """Return a text that, with our source code, determines a step of a job.
+    """Return the text that determines a step of a job, together with our source code.
 
     Args:
         config: the job's configuration.
         step: the name of the step, ``learn`` or ``test``.
-        prior: the digest of the files of prior knowledge, if any.
+        prior: the digest of the files of prior knowledge, if there are any.
 
     Returns:
-        The recipe; None if the step runs a user's own code, whose changes nobody can see.
+        The recipe, or None if the step runs a user's own code: nobody sees which other modules
+        that code depends on.
     """
-    settings = asdict(config)
     if is_own(config.env.kind) or is_own(config.value.kind):
         return None
-    shapes_it = {key: value for key, value in settings.items() if key not in _OF_STATE}
-    del shapes_it["evaluation"]["situations"]  # the starts are part of the state
-    return json.dumps([step, prior, shapes_it], sort_keys=True)
+    parts = {key: part for key, part in vars(config).items() if key not in _NOT_OF_THE_STEP}
+    parts["evaluation"] = config.evaluation.every  # the starts are inputs, too
+    return json.dumps([step, prior, parts], sort_keys=True, default=vars)

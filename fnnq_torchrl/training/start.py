@@ -12,12 +12,8 @@ from fnnq_torchrl.agent.imitation import imitate, read_demonstrations
 from fnnq_torchrl.agent.rules import RulesError, partition
 from fnnq_torchrl.agent.rules.prior import from_system, read_prior
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
-from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.training.policies import load_rules
-
-_SHIPPED = "rules"
-"""The folder in ``conf/`` with the shipped files of rules and demonstrations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +58,8 @@ def read_start(config: Config) -> Start | None:
     variables, t_norm = partition(config.value, config.env), config.value.t_norm
     contents = []
     consequents = torch.zeros([len(each.labels) for each in variables], dtype=torch.float64)
-    if rules.prior is not None:
-        path = _find("rules.prior", rules.prior)
+    files = rules.files()
+    if (path := files.get("prior")) is not None:
         if path.is_dir():
             contents.append(_bytes_of_job(path))
             consequents = from_system(load_rules(path), variables, rules.margin, str(path), t_norm)
@@ -72,8 +68,7 @@ def read_start(config: Config) -> Start | None:
             consequents = read_prior(path, variables, rules.margin, t_norm)
     learns = _learns(config, consequents)
     told = ""
-    if rules.demonstrations is not None:
-        path = _find("rules.demonstrations", rules.demonstrations)
+    if (path := files.get("demonstrations")) is not None:
         contents.append(path.read_bytes())
         demonstrations = read_demonstrations(path, variables)
         candidates = make_candidates(config, torch.float64)
@@ -110,18 +105,6 @@ def _hopeful(before: Tensor, fitted: Tensor, learns: Tensor | None, margin: floa
     if learns is not None:
         free &= learns.bool().all(-1, keepdim=True)
     return torch.where(free, fitted + margin - fitted.amax(-1, keepdim=True), fitted)
-
-
-def _find(key: str, name: str) -> Path:
-    """Return the path that a key names; a bare file name is first looked up in conf/rules/."""
-    shipped = config_directory() / _SHIPPED
-    path = Path(name)
-    if path.name == name and (shipped / name).is_file():
-        return shipped / name
-    if not path.exists():
-        known = sorted(each.name for each in shipped.iterdir() if each.suffix != ".yaml")
-        raise RulesError(f"{key}={name}: there is no such file; shipped files: {', '.join(known)}")
-    return path
 
 
 def _bytes_of_job(directory: Path) -> bytes:

@@ -165,7 +165,7 @@ class Trainer:
         return self._outcome()
 
     def _recipe(self, step: str) -> str | None:
-        return recipe(self.config, step, self._start and self._start.digest)
+        return recipe(self.config, step, None if self._start is None else self._start.digest)
 
     @property
     def _candidates(self) -> int:

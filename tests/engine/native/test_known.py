@@ -90,17 +90,16 @@ def other_release(library: str) -> Callable[[pytest.MonkeyPatch], None]:
     return change
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        other_compiler,
-        other_flags,
-        other_dtype,
-        other_kernels,
-        other_python,
-        *map(other_release, ("torch", "tensordict", "torchrl", "numpy")),
-    ],
-)
+CHANGES = {
+    "compiler": other_compiler,
+    "flags": other_flags,
+    "dtype": other_dtype,
+    "kernels": other_kernels,
+    "python": other_python,
+} | {name: other_release(name) for name in ("torch", "tensordict", "torchrl", "numpy")}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_a_change_around_the_step_traces_it_again(
     cache: Path,
     monkeypatch: pytest.MonkeyPatch,
