@@ -97,6 +97,14 @@ def test_what_is_part_of_a_step_changes_its_recipe(override: str) -> None:
         assert recipe(config, step) != recipe(other, step)
 
 
+def test_what_a_configuration_has_computed_is_no_part_of_a_recipe() -> None:
+    config = load_config("task=follow_obstacles")
+    before = recipe(config, "learn")
+    assert config.env.obstacle_entries
+    assert config.env.ball_entries
+    assert recipe(config, "learn") == before
+
+
 def test_prior_knowledge_is_part_of_a_step() -> None:
     config = load_config()
     assert len({recipe(config, "learn", prior) for prior in (None, "a", "b")}) == 3
