@@ -77,9 +77,14 @@ def main() -> None:
 
     made: list[Loop] = []
 
-    def make_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+    def make_loop(
+        make_step: MakeStep,
+        stays: TensorDictBase,
+        state: TensorDictBase,
+        recipe: str | None = None,
+    ) -> Loop:
         if not made:  # a traced step holds no tensors, so all trainers can share it
-            made.append(engine.make_loop(make_step, stays, state))
+            made.append(engine.make_loop(make_step, stays, state, recipe))
         return made[0]
 
     print("ready", flush=True)

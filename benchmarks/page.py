@@ -41,8 +41,8 @@ $networks
 
 ## Compiling
 
-Seconds to trace the learner's step and to load its program from the cache on disk, in a new
-process. Compiling with an empty cache is in the next table, in the column "cold".
+Seconds to find the learner's program in the cache on disk, in a new process. Tracing and compiling
+with an empty cache are in the next table, in the column "cold".
 
 $compile
 
@@ -53,11 +53,17 @@ compiled programs; "warm" are the commands after it.
 
 $command
 
+The parts of a small command that finds its programs in the cache, beside the imports that any
+program with TorchRL makes. The command imports without looking for garbage among the modules
+(`fnnq_torchrl.launch.imports`), so it can take less than these imports alone.
+
+$stages
+
 ## Memory
 
 Resident memory of the process. We keep the weights of each run at its 41 evaluations; the C program
-keeps one number of each run. "The rest" includes the memory for tracing the step, which doesn't
-depend on the number of runs; the last line excludes this memory.
+keeps one number of each run. "The rest" includes what doesn't depend on the number of runs; the
+last line excludes it.
 
 $memory
 

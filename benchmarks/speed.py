@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from command import PARTS, CommandRun, measure, train_command
+from command import PARTS, CommandRun, measure, stages_table, train_command
 from machine import describe_machine
 from ours import Learned, Learner
 from page import write_page
@@ -34,6 +34,7 @@ RUNS = [22, 110, 1104, 11008, 49984]
 NETWORK_RUNS = 1104
 LARGE = 100_000
 MEMORY_RUNS = 11_008
+_SHARE = "whole command / (train + evaluate)"
 
 
 @dataclass
@@ -150,12 +151,18 @@ def command_table(runs: int, repetitions: int) -> str:
         for key in cold.seconds
     ]
     rest = [short(_rest(cold)), spread([*map(_rest, warm)])]
+    share = [short(_share(cold)), spread([*map(_share, warm)])]
     title = f"`python {' '.join(train_command(runs))}`, seconds"
-    return table([title, "cold", "warm"], [*rows, ["the rest", *rest]])
+    return table([title, "cold", "warm"], [*rows, ["the rest", *rest], [_SHARE, *share]])
 
 
 def _rest(run: CommandRun) -> float:
     return run.seconds["whole command"] - sum(run.seconds[part] for part in PARTS)
+
+
+def _share(run: CommandRun) -> float:
+    seconds = run.seconds
+    return seconds["whole command"] / (seconds["train_seconds"] + seconds["evaluate_seconds"])
 
 
 def large_line() -> str:
@@ -200,6 +207,7 @@ def main() -> None:
         "compile": compile_table(sizes),
         "memory": memory_table(sizes),
         "command": command_table(given.command_runs, given.repetitions),
+        "stages": stages_table(22, given.repetitions),
         "large": large_line() if given.large else f"{LARGE:,} runs: {NOT_MEASURED}.",
         "eager": eager_table() if given.write else "python benchmarks/eager_profile.py",
     }

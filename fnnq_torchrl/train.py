@@ -11,7 +11,10 @@ def main() -> None:
     """Run the train command. Slow imports are made inside, so that Ctrl-C is handled early."""
     _check_envs()
     try:
-        from fnnq_torchrl.launch.train import main as train
+        from fnnq_torchrl.launch.imports import uncollected
+
+        with uncollected():
+            from fnnq_torchrl.launch.train import main as train
     except KeyboardInterrupt:
         leave_interrupted()
     train()

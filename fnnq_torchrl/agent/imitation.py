@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 from torch import Tensor
 from torch.func import functional_call
 
@@ -137,6 +136,8 @@ def imitate(
         learns: 1 for each consequent that is fitted and 0 for each that stays; all are fitted if
             not given.
     """
+    from scipy.optimize import minimize  # here, since importing it is slow
+
     start = network.get_parameter("weight").detach().double()
     mask = torch.ones_like(start) if learns is None else learns.to(start).expand_as(start)
     candidates = network.candidates.double()

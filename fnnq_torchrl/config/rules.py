@@ -3,9 +3,20 @@
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from envs.core.parameters import OutOfRange, Parameters, flag, matching, number, or_null, texts
+from envs.core.parameters import (
+    ConfigError,
+    OutOfRange,
+    Parameters,
+    flag,
+    matching,
+    number,
+    or_null,
+    texts,
+)
+from fnnq_torchrl.config.choices import config_directory
 
 ANY = "*"
 """The text that stands for every label in the name of a rule."""
@@ -32,6 +43,17 @@ class RulesConfig(Parameters):
             or self.frozen
             or self.count_firing
         )
+
+    def files(self) -> dict[str, Path]:
+        """Return the existing paths that ``prior`` and ``demonstrations`` name, by key.
+
+        A bare file name is first looked up among the shipped files in ``conf/rules/``.
+
+        Raises:
+            ConfigError: if there is no such file.
+        """
+        named = {"prior": self.prior, "demonstrations": self.demonstrations}
+        return {key: _find(f"rules.{key}", name) for key, name in named.items() if name is not None}
 
     def frozen_rules(self, labels: Sequence[Sequence[str]]) -> list[tuple[int | None, ...]]:
         """Return the rules that don't learn, by the indices of their labels.
@@ -72,3 +94,13 @@ class RulesConfig(Parameters):
 
 def _example(labels: Sequence[Sequence[str]]) -> str:
     return "/".join(names[0] for names in labels)
+
+
+def _find(key: str, name: str) -> Path:
+    shipped, path = config_directory() / "rules", Path(name)
+    if path.name == name and (shipped / name).is_file():
+        return shipped / name
+    if not path.exists():
+        known = sorted(each.name for each in shipped.iterdir() if each.suffix != ".yaml")
+        raise ConfigError(f"{key}={name}: there is no such file; shipped files: {', '.join(known)}")
+    return path

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import torch
 from tensordict import TensorDictBase
-from torch._inductor.runtime.cache_dir_utils import default_cache_dir
 from torch._subclasses.fake_tensor import DataDependentOutputException
 from torch.fx.experimental.symbolic_shapes import GuardOnDataDependentSymNode
 
@@ -108,10 +107,12 @@ def make_engine(name: str, device: torch.device, why: str = "") -> Engine:
     return Engine(name, why, _native_loop, workers=torch.get_num_threads(), most_lanes=2**11)
 
 
-def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+def _native_loop(
+    make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase, recipe: str | None = None
+) -> Loop:
     """Compile a step to C++, or with TorchInductor if it has an operation we can't translate."""
     try:
-        return NativeLoop(make_step, stays, state)
+        return NativeLoop(make_step, stays, state, recipe)
     except RunsMixed as error:
         raise ConfigError(f"engine=compiled: {error}") from error
     except (DataDependentOutputException, GuardOnDataDependentSymNode) as error:
@@ -125,13 +126,17 @@ def _native_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBa
         return _inductor_loop(make_step, stays, state)
 
 
-def _inductor_loop(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+def _inductor_loop(
+    make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase, recipe: str | None = None
+) -> Loop:
+    from torch._inductor.runtime.cache_dir_utils import default_cache_dir  # slow to import
+
     # Torch's default is a temporary directory, which later jobs wouldn't find; importing torch may
     # have set the variable to it. Each kind of processor has its own directory: machines may share
     # a home, and torch doesn't tell their programs apart.
     cache = cache_directory() / "inductor" / torch.backends.cpu.get_cpu_capability()
     if os.environ.get("TORCHINDUCTOR_CACHE_DIR") in (None, default_cache_dir()):
         os.environ["TORCHINDUCTOR_CACHE_DIR"] = str(cache)
-    from fnnq_torchrl.engine.inductor import InductorLoop  # here, since importing it is slow
+    from fnnq_torchrl.engine.inductor import InductorLoop
 
     return InductorLoop(make_step, stays, state)

@@ -49,7 +49,13 @@ class InductorLoop:
 
     any_lanes = False
 
-    def __init__(self, make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> None:
+    def __init__(
+        self,
+        make_step: MakeStep,
+        stays: TensorDictBase,
+        state: TensorDictBase,
+        recipe: str | None = None,
+    ) -> None:
         body = _without_repetitions(trace(make_step(len(state)), stays, state))
 
         def loop(steps: Tensor, fixed: list[Tensor], carried: list[Tensor]) -> list[Tensor]:

@@ -50,8 +50,26 @@ class Loop(Protocol):
         """Return copies of a batch, ready to advance."""
 
 
-MakeLoop = Callable[[MakeStep, TensorDictBase, TensorDictBase], Loop]
-"""Makes a loop from a step and examples of its ``stays`` and ``state``."""
+class MakeLoop(Protocol):
+    """A function or a class that makes a loop around a step."""
+
+    def __call__(
+        self,
+        make_step: MakeStep,
+        stays: TensorDictBase,
+        state: TensorDictBase,
+        recipe: str | None = None,
+        /,
+    ) -> Loop:
+        """Make a loop.
+
+        Args:
+            make_step: makes the step.
+            stays, state: examples of the step's inputs, batch size ``[lanes]``.
+            recipe: a text that, with this package's source code and the shapes of the examples,
+                determines what the step computes. Steps with the same recipe can share a compiled
+                program. None if no text can say it, because the step runs a user's own code.
+        """
 
 
 class EagerLoop:
@@ -59,7 +77,13 @@ class EagerLoop:
 
     any_lanes = False
 
-    def __init__(self, make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> None:
+    def __init__(
+        self,
+        make_step: MakeStep,
+        stays: TensorDictBase,
+        state: TensorDictBase,
+        recipe: str | None = None,
+    ) -> None:
         self._step = make_step(len(state))
 
     def __call__(self, stays: TensorDictBase, state: TensorDictBase) -> Running:

@@ -125,7 +125,7 @@ class Multirun:
         batches = in_batches([job.job for job in jobs], self._settings.max_batch_size)
         log.info(f"{self._directory}: jobs to run: {len(jobs):,}, batches: {len(batches):,}")
         if self._loggers is None:
-            from fnnq_torchrl.training.loggers import Loggers  # after the checks: it imports scipy
+            from fnnq_torchrl.training.loggers import Loggers  # after the checks: it is slow
 
             self._loggers = Loggers()
         if self._settings.cluster == "none":
@@ -153,7 +153,7 @@ class Multirun:
         if job.directory in results:
             result = results[job.directory]
         else:
-            from fnnq_torchrl.training.results import read_summary  # scipy takes a second
+            from fnnq_torchrl.training.results import read_summary  # NumPy is slow to import
 
             result = read_summary(job.directory / "summary.json")["mean_score"]
 
@@ -204,7 +204,7 @@ def _draw(jobs: Sequence[SweptJob]) -> None:
     """Draw the learning curve of each of these finished jobs that has none."""
     for job in jobs:
         if not (job.directory / PICTURE).exists():
-            from fnnq_torchrl.training.drawing import draw_job  # scipy takes a second
+            from fnnq_torchrl.training.drawing import draw_job  # NumPy is slow to import
 
             draw_job(job.job)
 

@@ -4,20 +4,31 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from math import ceil
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fnnq_torchrl.training.jobs import PICTURE, VIDEO, Job
-from fnnq_torchrl.training.pictures.curve import Curve
+from fnnq_torchrl.training.results import Evaluations, read_evaluations
 from fnnq_torchrl.training.score import Score
 from fnnq_torchrl.training.terminal import announce
 
+if TYPE_CHECKING:  # this room's pictures import Matplotlib
+    from fnnq_torchrl.training.pictures.curve import Curve
 
-def draw_job(job: Job) -> None:
-    """Draw the learning curve of a finished job from its evaluations.csv."""
-    picture = job.directory / PICTURE
+
+def draw_job(job: Job, evaluations: Evaluations | None = None) -> None:
+    """Draw the learning curve of a finished job.
+
+    Args:
+        job: the job.
+        evaluations: what its evaluations.csv contains; the file is read if this isn't given.
+    """
+    picture, score = job.directory / PICTURE, Score.of(job.config)
     with optional(picture):
         from fnnq_torchrl.training.pictures.curves import learning_curve
 
-        learning_curve(job.directory / "evaluations.csv", picture, Score.of(job.config))
+        if evaluations is None:
+            evaluations = read_evaluations(job.directory / "evaluations.csv", score.measure)
+        learning_curve(evaluations, picture, score)
 
 
 def draw_video(job: Job) -> None:
@@ -35,7 +46,7 @@ def draw_video(job: Job) -> None:
         write_gif(films, titles, video, size_px=_PANEL_PX, every=every, columns=panels)
 
 
-def draw_sweep(curves: Sequence[Curve], of: str, picture: Path, score: Score) -> None:
+def draw_sweep(curves: "Sequence[Curve]", of: str, picture: Path, score: Score) -> None:
     """Draw the learning curves of a sweep; the arguments are those of `sweep_curves`."""
     with optional(picture):
         from fnnq_torchrl.training.pictures.curves import sweep_curves

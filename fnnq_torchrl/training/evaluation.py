@@ -105,6 +105,7 @@ class Playing:
         results: the results so far, as from :func:`no_results`; updated in place.
         engine: the engine that makes the loop of steps.
         lanes: the number of situations that are played side by side.
+        recipe: the recipe of a step (:class:`fnnq_torchrl.engine.loops.MakeLoop`).
         on_progress: called with the number of situations played so far, over all snapshots.
     """
 
@@ -117,6 +118,7 @@ class Playing:
         results: TensorDictBase,
         engine: Engine,
         lanes: int,
+        recipe: str | None = None,
         on_progress: Callable[[int], None] = lambda done: None,
     ) -> None:
         self._test, self._seed = test, seed
@@ -126,7 +128,7 @@ class Playing:
         self._env = test.make_env(lanes)
         self.steps = test.world.time_limit_steps
         example = self.begin(torch.zeros(lanes, dtype=torch.int64))
-        self.loop = engine.make_loop(test.make_step, *example)
+        self.loop = engine.make_loop(test.make_step, *example, recipe)
 
     @property
     def jobs(self) -> Tensor:

@@ -207,10 +207,10 @@ def _run_batch(
         with suppress(OSError):  # probably for the same reason; the earlier save stays
             saved.save(trainer.ledger, [])
     # Last, and in this thread, since Matplotlib isn't thread-safe.
-    for job, result in zip(batch.jobs, results, strict=True):
+    for (job, (begin, end)), result in zip([*others, last], results, strict=True):
         if isinstance(result, float):
             if pictures:
-                draw_job(job)
+                draw_job(job, outcome.of(slice(begin, end)))
             if job.config.logger.video:
                 draw_video(job)
     if not isinstance(results[-1], OSError):

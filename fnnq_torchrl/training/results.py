@@ -2,8 +2,9 @@
 
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
+from itertools import repeat
 from math import inf
 from pathlib import Path
 from types import UnionType
@@ -276,20 +277,20 @@ def write_evaluations(path: Path, evaluations: Evaluations) -> None:
 
 
 def _rows_of_each_run(evaluations: Evaluations) -> Iterator[bytes]:
-    shape = evaluations.runs, evaluations.situations.size
-    columns = []
+    columns: list[Iterable[Iterable[str]]] = []  # for each run, its texts
     for item in _COLUMNS.values():
         array = getattr(evaluations, item.name)
-        if array.dtype == bool:
-            array = array.astype(int)
-        if item.metadata["axes"] == (_RUN,):
-            array = array[:, np.newaxis]
         # Converted to Python's numbers, which are formatted several times faster than NumPy's.
         # The repr of a float is the shortest text that reads back exactly.
-        columns.append(np.broadcast_to(array, shape).tolist())
+        numbers = (array.astype(int) if array.dtype == bool else array).tolist()
+        if item.metadata["axes"] == (_RUN,):
+            columns.append(repeat(repr(number), evaluations.situations.size) for number in numbers)
+        elif item.metadata["axes"] == (_EVALUATION,):
+            columns.append(repeat([*map(repr, numbers)], evaluations.runs))
+        else:
+            columns.append(map(repr, of_run) for of_run in numbers)
     for run in zip(*columns, strict=True):
-        rows = zip(*(map(repr, column) for column in run), strict=True)
-        yield "".join(f"{','.join(row)}\n" for row in rows).encode()
+        yield "".join(f"{','.join(row)}\n" for row in zip(*run, strict=True)).encode()
 
 
 def read_evaluations(path: Path, measure: str = "successes") -> Evaluations:

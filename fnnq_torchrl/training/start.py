@@ -17,15 +17,11 @@ from fnnq_torchrl.agent.rules.parts import Content, Definitions
 from fnnq_torchrl.agent.rules.prior import definitions_of, from_content, read_prior
 from fnnq_torchrl.agent.rules.system import fit_words
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
-from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.config.values import LabelsConfig
 from fnnq_torchrl.equations.membership_functions import Membership
 from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.policies import load_rules
-
-_SHIPPED = "rules"
-"""The folder in ``conf/`` with the shipped files of rules and demonstrations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +74,7 @@ def imported(config: Config) -> Config:
     rules, value = config.rules, config.value
     if rules is None or rules.prior is None:
         return config
-    path = _find("rules.prior", rules.prior)
+    path = rules.files()["prior"]
     given = _of_job(path).definitions if path.is_dir() else definitions_of(path)
     defaults = {field.name: field.default for field in fields(value)}
     settings = {
@@ -130,8 +126,8 @@ def read_start(config: Config) -> Start | None:
     settings = {"t_norm": config.value.t_norm, "elsewhere": config.value.elsewhere}
     contents = []
     consequents = torch.zeros([len(each.labels) for each in variables], dtype=torch.float64)
-    if rules.prior is not None:
-        path = _find("rules.prior", rules.prior)
+    files = rules.files()
+    if (path := files.get("prior")) is not None:
         if path.is_dir():
             contents.append(_bytes_of_job(path))
             consequents = from_content(_of_job(path), variables, rules.margin, **settings)
@@ -140,8 +136,7 @@ def read_start(config: Config) -> Start | None:
             consequents = read_prior(path, variables, rules.margin, **settings)
     learns = _learns(config, consequents)
     told = ""
-    if rules.demonstrations is not None:
-        path = _find("rules.demonstrations", rules.demonstrations)
+    if (path := files.get("demonstrations")) is not None:
         contents.append(path.read_bytes())
         demonstrations = read_demonstrations(path, variables)
         candidates = make_candidates(config, torch.float64)
@@ -178,18 +173,6 @@ def _hopeful(before: Tensor, fitted: Tensor, learns: Tensor | None, margin: floa
     if learns is not None:
         free &= learns.bool().all(-1, keepdim=True)
     return torch.where(free, fitted + margin - fitted.amax(-1, keepdim=True), fitted)
-
-
-def _find(key: str, name: str) -> Path:
-    """Return the path that a key names; a bare file name is first looked up in conf/rules/."""
-    shipped = config_directory() / _SHIPPED
-    path = Path(name)
-    if path.name == name and (shipped / name).is_file():
-        return shipped / name
-    if not path.exists():
-        known = sorted(each.name for each in shipped.iterdir() if each.suffix != ".yaml")
-        raise RulesError(f"{key}={name}: there is no such file; shipped files: {', '.join(known)}")
-    return path
 
 
 def _of_job(directory: Path) -> Content:

@@ -20,6 +20,7 @@ from fnnq_torchrl.equations.q_lambda import Rule
 from fnnq_torchrl.equations.step_size import make_step_size
 from fnnq_torchrl.training.evaluation import GreedyTest, Playing
 from fnnq_torchrl.training.learning import Learning
+from fnnq_torchrl.training.recipe import recipe
 from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.resume.ledger import Ledger
 from fnnq_torchrl.training.start import Start, imported, read_start
@@ -126,7 +127,10 @@ class Trainer:
             with ledger.timed("compile"):
                 example = repeat_last(self.run, lanes)
                 loop = engine.make_loop(
-                    lambda lanes: self.make_learner(lanes).step, example, learner.begin(example)
+                    lambda lanes: self.make_learner(lanes).step,
+                    example,
+                    learner.begin(example),
+                    self._recipe("learn"),
                 )
             learning = Learning(learner, loop, self.run, ledger, on_progress)
             work_through(learning, learning.jobs, lanes, engine.workers, keeper)
@@ -154,10 +158,14 @@ class Trainer:
                     results=ledger.results,
                     engine=engine,
                     lanes=lanes,
+                    recipe=self._recipe("test"),
                     on_progress=on_progress,
                 )
             work_through(playing, playing.jobs, lanes, engine.workers, keeper)
         return self._outcome()
+
+    def _recipe(self, step: str) -> str | None:
+        return recipe(self.config, step, None if self._start is None else self._start.digest)
 
     @property
     def _candidates(self) -> int:

@@ -17,7 +17,7 @@ from fnnq_torchrl.engine.inductor import InductorLoop
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.loops import EagerLoop, Loop, MakeLoop, Running, Step
 from fnnq_torchrl.engine.native import NativeLoop, RunsMixed, Unsupported
-from fnnq_torchrl.engine.native.loop import source
+from fnnq_torchrl.engine.native.translation import source
 from fnnq_torchrl.engine.scheduler import work_through
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.resume.ledger import Ledger

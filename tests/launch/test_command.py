@@ -291,11 +291,16 @@ def test_the_console_script_completes_keys():
     ("arguments", "told"),
     [
         (["lam=1.5"], f"lam=1.5: {UNIT}"),
+        (
+            ["rules.prior=rogh.txt"],
+            "rules.prior=rogh.txt: there is no such file; "
+            "shipped files: hopeful.txt, operator.csv, rough.txt, wrong.txt",
+        ),
         (["lam=0.1,1.5", "-m"], f"job 1 (lam=1.5): lam=1.5: {UNIT}"),
         (["--help"], ""),
         (["--cfg", "job"], ""),
     ],
-    ids=["run", "multirun", "help", "cfg"],
+    ids=["run", "file", "multirun", "help", "cfg"],
 )
 def test_the_check_comes_before_torch(tmp_path, arguments, told):
     command = [sys.executable, "-X", "importtime", "-m", "fnnq_torchrl.train", *arguments]

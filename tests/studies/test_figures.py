@@ -19,7 +19,7 @@ from fnnq_torchrl.training.pictures.curves import (
     learning_curve_figure,
 )
 from fnnq_torchrl.training.pictures.style import spread
-from fnnq_torchrl.training.results import Evaluations, write_evaluations
+from fnnq_torchrl.training.results import Evaluations
 from fnnq_torchrl.training.score import Score
 
 CATCHES = Score("successes", 0, 5, "catches")
@@ -165,26 +165,17 @@ def test_the_axis_above_counts_the_evaluations() -> None:
 
 
 def test_the_picture_is_written_and_the_same_each_time(tmp_path: Path) -> None:
-    write_evaluations(tmp_path / "evaluations.csv", CASES["the paper's"])
     for name in ("one.png", "two.png"):
-        learning_curve(tmp_path / "evaluations.csv", tmp_path / name, CATCHES)
+        learning_curve(CASES["the paper's"], tmp_path / name, CATCHES)
     picture = (tmp_path / "one.png").read_bytes()
     assert picture.startswith(b"\x89PNG")
     assert picture == (tmp_path / "two.png").read_bytes()
 
 
-def test_a_damaged_file_gives_no_picture(tmp_path: Path) -> None:
-    (tmp_path / "evaluations.csv").write_text("seed,lam,situations,steps,catches\n3,0.2,0,")
-    with pytest.raises(ValueError, match="not a complete evaluations file"):
-        learning_curve(tmp_path / "evaluations.csv", tmp_path / "picture.png", CATCHES)
-    assert not (tmp_path / "picture.png").exists()
-
-
 def test_an_unknown_format_leaves_nothing(tmp_path: Path) -> None:
-    write_evaluations(tmp_path / "evaluations.csv", CASES["one run"])
     with pytest.raises(ValueError, match="not supported"):
-        learning_curve(tmp_path / "evaluations.csv", tmp_path / "picture.xyz", CATCHES)
-    assert [path.name for path in tmp_path.iterdir()] == ["evaluations.csv"]
+        learning_curve(CASES["one run"], tmp_path / "picture.xyz", CATCHES)
+    assert not [*tmp_path.iterdir()]
 
 
 @given(

@@ -16,7 +16,7 @@ from fnnq_torchrl.studies.statistics import (
     runs_needed,
     standardised,
 )
-from fnnq_torchrl.training.intervals import mean_interval
+from fnnq_torchrl.training.intervals import mean_interval, student_t
 
 SAMPLES = hnp.arrays(
     np.float64,
@@ -44,6 +44,12 @@ def test_equals_scipy_along_every_axis(
     np.testing.assert_allclose(mean.ravel(), cases.mean(axis=0), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(low.ravel()[spread], expected.low, rtol=1e-7, atol=1e-7)
     np.testing.assert_allclose(high.ravel()[spread], expected.high, rtol=1e-7, atol=1e-7)
+
+
+@given(st.integers(1, 20_000), st.floats(1e-3, 0.999))
+def test_the_quantile_is_scipys(dof: int, confidence: float) -> None:
+    expected = scipy.stats.t.ppf((1 + confidence) / 2, dof)
+    assert student_t(dof, confidence) == pytest.approx(expected, rel=1e-9)
 
 
 @given(st.floats(-1e6, 1e6), st.integers(2, 30))

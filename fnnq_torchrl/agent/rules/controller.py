@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import torch
-from scipy.optimize import lsq_linear
 from torch import Tensor
 
 from fnnq_torchrl.agent.rules.partition import Label, Variable
@@ -86,6 +85,8 @@ def distil(
         greedy: a function from states ``[points, states]`` to actions ``[points]``.
         t_norm, elsewhere: the rules' settings, as in :class:`.FuzzySystem`.
     """
+    from scipy.optimize import lsq_linear  # here, since importing it is slow
+
     each = max(2, round(_POINTS ** (1 / len(states))))
     axes = [torch.linspace(*state.span(), each, dtype=torch.float64) for state in states]
     grid = torch.cartesian_prod(*axes).reshape(-1, len(states))

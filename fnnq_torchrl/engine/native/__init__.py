@@ -7,16 +7,19 @@ A lane is the place of one run in a batch. The stages:
    :mod:`.expressions`). This removes views and broadcasts, and merges equal expressions. A small
    dimension has an expression for each element. A large one has a single expression for all its
    elements, a family, which depends on a loop variable.
-3. :mod:`.loop` compares the two runs: each must compute the same function of its own state alone.
+3. :mod:`.translation` compares the two runs: each must compute the same function of its own state
+   alone.
 4. :mod:`.nests` orders one run's expressions and puts families in loops. A sum shares the loop of
    the products that it adds up.
 5. :mod:`.statements` writes them as text, in the words of a language: :mod:`.source` has those of
    C++, and writes the program; :mod:`.build` compiles and caches it.
+
+If the program of a step is in the cache, :mod:`.known` finds it without these stages.
 """
 
 from .build import CannotCompile, cache_directory, check_compiler
-from .expressions import Unsupported
-from .loop import NativeLoop, RunsMixed
+from .errors import RunsMixed, Unsupported
+from .loop import NativeLoop
 
 __all__ = [
     "CannotCompile",

@@ -15,7 +15,8 @@ from typing import Any, Self
 import numpy as np
 from torch import Tensor
 
-from .expressions import LARGE, Axis, Expression, Expressions, Place, Unsupported
+from .errors import Unsupported
+from .expressions import LARGE, Axis, Expression, Expressions, Place
 
 _MANY = 64
 """In a leaf with more elements than this, smaller dimensions get axes, too."""

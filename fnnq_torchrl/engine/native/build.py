@@ -16,7 +16,6 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.files.atomic import atomic_write
@@ -36,6 +35,10 @@ _FLAGS += (
     if platform.machine() in ("x86_64", "AMD64")
     else "-mcpu=native"
 )
+
+
+Run = Callable[..., None]
+"""The function of a native program: see :data:`.prelude.RUN`."""
 
 
 def compiler() -> str:
@@ -144,7 +147,7 @@ def _for_this_process() -> tempfile.TemporaryDirectory[str]:
     return tempfile.TemporaryDirectory(prefix="fnnq_torchrl_")
 
 
-def build(text: str) -> Callable[..., Any]:
+def build(text: str) -> Run:
     """Return the function ``run`` of a C++ program, compiling the program if it isn't cached.
 
     The function releases the GIL.
@@ -153,20 +156,45 @@ def build(text: str) -> Callable[..., Any]:
         CannotCompile: if there is no compiler, it fails, its library can't be loaded, or the
             library can't be written, for example on a full disk.
     """
-    digest = hashlib.sha256(f"{_target(compiler())}\n{_FLAGS}\n{text}".encode()).hexdigest()
-    library = cache_directory() / "native" / f"{digest[:32]}.so"
+    library = library_of(text)
     if not library.exists():
         _make(library, text)
     try:
-        run = ctypes.CDLL(str(library)).run
+        return load(library)
     except (OSError, AttributeError):  # damaged, or built on another machine
         _make(library, text)
-        try:
-            run = ctypes.CDLL(str(library)).run
-        except OSError as error:
-            raise CannotCompile(str(error)) from error
-    run.argtypes = [ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p]
-    run.restype = None
+    try:
+        return load(library)
+    except OSError as error:
+        raise CannotCompile(str(error)) from error
+
+
+def library_of(text: str) -> Path:
+    """Return the place of a program's library in the cache; it may not exist."""
+    digest = hashlib.sha256(f"{compiling()}\n{text}".encode()).hexdigest()
+    return libraries() / f"{digest[:32]}.so"
+
+
+def libraries() -> Path:
+    """Return the directory of the programs' libraries."""
+    return cache_directory() / "native"
+
+
+def compiling() -> str:
+    """Return what else than a program's text determines its library: compiler, machine, flags."""
+    return f"{_target(compiler())}\n{_FLAGS}"
+
+
+def load(library: Path) -> Run:
+    """Return the function ``run`` of a library.
+
+    Raises:
+        OSError: if the library can't be loaded.
+        AttributeError: if it has no function of that name.
+    """
+    run: Run = ctypes.CDLL(str(library)).run
+    run.argtypes = [ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p]  # type: ignore[attr-defined]
+    run.restype = None  # type: ignore[attr-defined]
     return run
 
 

@@ -8,7 +8,7 @@ import torch
 
 from .arrays import Array, each
 from .call import Call, Operations
-from .expressions import Unsupported
+from .errors import Unsupported
 from .source import FUNCTIONS
 
 aten = torch.ops.aten

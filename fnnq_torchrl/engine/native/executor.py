@@ -12,7 +12,8 @@ from torch.fx import GraphModule, Interpreter, Node
 from . import elementwise, reductions, shapes
 from .arrays import Array, constants
 from .call import Call
-from .expressions import Expressions, Unsupported
+from .errors import Unsupported
+from .expressions import Expressions
 
 _OPERATIONS = elementwise.OPERATIONS | reductions.OPERATIONS | shapes.OPERATIONS
 

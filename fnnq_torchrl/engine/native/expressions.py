@@ -15,6 +15,8 @@ from typing import Any
 
 import torch
 
+from .errors import Unsupported
+
 DTYPES = (torch.float32, torch.float64, torch.int32, torch.int64, torch.bool)
 
 COMPARISONS = ("eq", "ne", "lt", "le", "gt", "ge")
@@ -29,10 +31,6 @@ LARGE = 24
 
 WHOLE = ("at", "fold", "pack", "pick")
 """Operations that need several numbers of a family, or put several together to one."""
-
-
-class Unsupported(Exception):
-    """An operation in the step for which this compiler has no translation."""
 
 
 class Axis:

@@ -12,7 +12,8 @@ from string import Template
 
 import torch
 
-from .expressions import COMPARISONS, Expression, Unsupported
+from .errors import Unsupported
+from .expressions import COMPARISONS, Expression
 from .statements import Language, Leaf, Statements, leaf_name
 
 ARRAYS = {

@@ -9,7 +9,8 @@ import torch
 
 from .arrays import Array, constants, each
 from .call import Call, Operations
-from .expressions import Expression, Unsupported
+from .errors import Unsupported
+from .expressions import Expression
 
 aten = torch.ops.aten
 

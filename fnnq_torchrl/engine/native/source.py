@@ -6,7 +6,8 @@ from string import Template
 
 import torch
 
-from .expressions import COMPARISONS, Expression, Unsupported
+from .errors import Unsupported
+from .expressions import COMPARISONS, Expression
 from .prelude import PRELUDE, RUN, VECTORISED
 from .statements import Language, Leaf, Statements, leaf_name
 

@@ -18,7 +18,7 @@ from fnnq_torchrl.agent.values import FNNQValue, ValueNetwork
 from fnnq_torchrl.engine.graphs import leaves
 from fnnq_torchrl.engine.loops import Step
 from fnnq_torchrl.engine.native.javascript import ARRAYS, module
-from fnnq_torchrl.engine.native.loop import written_out
+from fnnq_torchrl.engine.native.translation import written_out
 
 DIALS = "speed_mps", "bearing_noise_rad"
 """The world's parameters that the page can change between steps."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from envs.pictures import Axes, Figure, LineCollection, MaxNLocator, own_style
 from fnnq_torchrl.training.intervals import MeanInterval, mean_interval
-from fnnq_torchrl.training.results import CONFIDENCE, Evaluations, best_first, read_evaluations
+from fnnq_torchrl.training.results import CONFIDENCE, Evaluations, best_first
 from fnnq_torchrl.training.score import Score
 
 from .curve import Curve
@@ -36,19 +36,18 @@ _TITLE_LETTERS = 32  # letters in a line as wide as a panel
 
 
 @own_style()
-def learning_curve(evaluations_csv: Path, picture: Path, score: Score) -> None:
+def learning_curve(evaluations: Evaluations, picture: Path, score: Score) -> None:
     """Draw a job's learning curve: the mean score and its confidence band, for each λ.
 
     Args:
-        evaluations_csv: the result file that is drawn.
+        evaluations: the scores of the job's runs.
         picture: the file to write, atomically; its suffix (.png, .svg, .pdf) gives the format.
         score: the name and the bounds of the job's score.
 
     Raises:
-        OSError: if a file can't be read or written.
-        ValueError: if the result file is damaged or something else, or the format is unknown.
+        OSError: if the file can't be written.
+        ValueError: if the format is unknown.
     """
-    evaluations = read_evaluations(evaluations_csv, score.measure)
     save(learning_curve_figure(evaluations, score), picture)
 
 
@@ -111,7 +110,8 @@ def _together(curves: Sequence[Curve], of: str, score: Score) -> Figure:
     _count_evaluations(axes, _longest(curves))
     for curve, interval, colour in zip(curves, intervals, COLOURS, strict=False):
         _draw(axes, curve, interval, colour)
-    figure.draw_without_rendering()  # the layout gives the axes their height
+    if len(curves) > 1:  # a single label has no neighbour
+        figure.draw_without_rendering()  # the layout gives the axes their height
     label_ends(axes, [curve.label for curve in curves])
     return figure
 

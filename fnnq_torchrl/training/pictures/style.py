@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression
 
 from envs.pictures import Axes, Figure, rc_context
 from fnnq_torchrl.files.atomic import atomic_write
@@ -103,8 +102,12 @@ def spread(
     """
     order = np.argsort(heights, kind="stable")
     room = gap * np.arange(heights.size)
+    moved = heights[order] - room
     # Without the gaps below each, the heights must only be non-decreasing: isotonic regression.
-    moved = isotonic_regression(heights[order] - room).x
+    if np.any(np.diff(moved) < 0):
+        from scipy.optimize import isotonic_regression  # here, since importing it is slow
+
+        moved = isotonic_regression(moved).x
     result = np.empty_like(moved)
     result[order] = np.clip(moved, low, high - room[-1]) + room
     return result

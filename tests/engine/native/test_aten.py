@@ -9,7 +9,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from fnnq_torchrl.engine.lanes import LANES
-from fnnq_torchrl.engine.native import NativeLoop, Unsupported, arrays, expressions, loop
+from fnnq_torchrl.engine.native import NativeLoop, Unsupported, arrays, expressions, translation
 
 pytestmark = pytest.mark.usefixtures("compiler")
 
@@ -247,7 +247,7 @@ def test_what_has_no_translation_is_said(name: str) -> None:
 
 
 def test_a_step_of_too_many_operations_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loop, "_MOST", 1_000)
+    monkeypatch.setattr(translation, "_MOST", 1_000)
 
     def large(x: Tensor, y: Tensor, k: Tensor, m: Tensor) -> Tensor:
         return (

@@ -13,7 +13,7 @@ from torch import Tensor
 from fnnq_torchrl.engine.graphs import leaves
 from fnnq_torchrl.engine.loops import Step
 from fnnq_torchrl.engine.native.javascript import ARRAYS, module
-from fnnq_torchrl.engine.native.loop import written_out
+from fnnq_torchrl.engine.native.translation import written_out
 from tests.programs import config, make_learner, make_runs
 
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="needs Node.js")

@@ -75,10 +75,15 @@ def make_trainer(job: Config) -> Trainer:
     trainer = Trainer(job, Runs.of([job]), make_engine("compiled", CPU))
     make_loop = trainer.engine.make_loop
 
-    def make_once(make_step: MakeStep, stays: TensorDictBase, state: TensorDictBase) -> Loop:
+    def make_once(
+        make_step: MakeStep,
+        stays: TensorDictBase,
+        state: TensorDictBase,
+        recipe: str | None = None,
+    ) -> Loop:
         made = loop_of(make_loop, *state.keys())
         if not made:
-            made.append(make_loop(make_step, stays, state))
+            made.append(make_loop(make_step, stays, state, recipe))
         return made[0]
 
     trainer.engine = replace(trainer.engine, make_loop=make_once, most_lanes=32, workers=2)

@@ -1,0 +1,38 @@
+"""The recipe of a job's steps, by which the engine finds programs that it has compiled before."""
+
+import json
+from dataclasses import fields
+from typing import Any
+
+from envs.core.parameters import Parameters
+from envs.core.registry import is_own
+from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE
+
+_NOT_OF_THE_STEP = (*ASIDE, *BATCHABLE, "engine", "situations")
+"""Keys whose values are inputs of a step, or no part of it."""
+
+
+def recipe(config: Config, step: str, prior: str | None = None) -> str | None:
+    """Return the text that determines a step of a job, together with our source code.
+
+    Args:
+        config: the job's configuration.
+        step: the name of the step, ``learn`` or ``test``.
+        prior: the digest of the files of prior knowledge, if there are any.
+
+    Returns:
+        The recipe, or None if the step runs a user's own code: nobody sees which other modules
+        that code depends on.
+    """
+    if is_own(config.env.kind) or is_own(config.value.kind):
+        return None
+    parts = {key: part for key, part in _settings(config).items() if key not in _NOT_OF_THE_STEP}
+    parts["evaluation"] = config.evaluation.every  # the starts are inputs, too
+    return json.dumps([step, prior, parts], sort_keys=True, default=_settings)
+
+
+def _settings(parameters: Parameters) -> dict[str, Any]:
+    """Return the values of a dataclass's fields, without its cached properties."""
+    items = fields(parameters)  # type: ignore[arg-type]  # every subclass is a dataclass
+    return {item.name: vars(parameters)[item.name] for item in items}
