@@ -24,6 +24,7 @@ from hydra.types import HydraContext
 from omegaconf import DictConfig
 
 from envs.core.parameters import check
+from fnnq_torchrl.config.identity import JobRuns
 from fnnq_torchrl.config.launcher import LauncherConfig
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.batches import RunBatches, in_batches
@@ -102,7 +103,7 @@ class Multirun:
             returns = [self._end(job, results) for job in jobs]
             self._log()
             self._jobs += jobs
-            self._write_whole()
+            self._write_whole(first)
         except ValueError as error:
             advice = "remove its summary.json to compute the job again"
             raise JobFailed(f"{error}; {advice}") from error
@@ -183,8 +184,8 @@ class Multirun:
             _return_value=result,
         )
 
-    def _write_whole(self) -> None:
-        """Write the files of the sweep as a whole, with all jobs launched so far."""
+    def _write_whole(self, first: int) -> None:
+        """Write the files of the sweep as a whole, and print a table of jobs from ``first`` on."""
         from fnnq_torchrl.launch.sweep import SweptResult, write_sweep
         from fnnq_torchrl.training.score import Score
 
@@ -194,10 +195,11 @@ class Multirun:
                 {key_of(line): line.partition("=")[2] for line in job.overrides},
                 job.directory,
                 Score.of(job.config),
+                JobRuns.of(job.config),
             )
             for job in self._jobs
         ]
-        write_sweep(self._directory, results)
+        write_sweep(self._directory, results, first)
 
 
 def _draw(jobs: Sequence[SweptJob]) -> None:

@@ -16,11 +16,12 @@ from hydra.core.config_loader import ConfigLoader
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from fnnq_torchrl.config.checking import flat, to_config
+from fnnq_torchrl.config.identity import ASIDE
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.files.atomic import atomic_write, clear_leftovers
 from fnnq_torchrl.launch.composition import composing, key_of
 from fnnq_torchrl.launch.from_job import parse_configuration
-from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE, RESULTS, SNAPSHOTS, TRAINING, Job
+from fnnq_torchrl.training.jobs import BATCHABLE, RESULTS, SNAPSHOTS, TRAINING, Job
 
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 

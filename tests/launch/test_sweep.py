@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
+from fnnq_torchrl.config.identity import WHICH_RUNS, JobRuns
 from fnnq_torchrl.launch import sweep as module
 from fnnq_torchrl.launch.sweep import SweptResult, swept_keys, write_sweep
 from fnnq_torchrl.training.pictures.curve import Curve
@@ -31,10 +33,12 @@ def make(tmp_path: Path) -> Make:
     def make(number: int, catches: Sequence[Sequence[int]] | None, **overrides: str) -> SweptResult:
         directory = tmp_path / str(number)
         directory.mkdir()
+        seed, others = int(overrides.get("seed", 0)), {*overrides} - {*WHICH_RUNS}
+        seeds = range(seed, seed + len(catches or [()]))
         if catches is not None:
             scores = np.array(catches)
             outcome = Outcome(
-                seed=np.arange(len(scores)),
+                seed=np.array(seeds),
                 lam=np.full(len(scores), float(overrides.get("lam", 0.2))),
                 situations=5 * np.arange(scores.shape[1]),
                 steps=10 * np.arange(scores.size).reshape(scores.shape),
@@ -50,7 +54,8 @@ def make(tmp_path: Path) -> Make:
             )
             write_evaluations(directory / "evaluations.csv", outcome)
             write_summary(directory / "summary.json", summarise(outcome))
-        return SweptResult(number, overrides, directory, CATCHES)
+        configuration = repr(sorted((key, overrides[key]) for key in others))
+        return SweptResult(number, overrides, directory, CATCHES, JobRuns(configuration, seeds))
 
     return make
 
@@ -166,6 +171,56 @@ def test_seeds_alone_are_one_configuration(
     write_sweep(tmp_path, [make(0, [[0, 1]], seed="0"), make(1, [[0, 2]], seed="1")])
     [(_, [curve], _)] = drawn
     assert (curve.label, curve.scores.tolist()) == ("λ = 0.2", [[0, 1], [0, 2]])
+
+
+def test_runs_that_jobs_share_count_once(
+    make: Make,
+    tmp_path: Path,
+    drawn: list[tuple[str, list[Curve], Score]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A search proposes a point twice, and seeds overlap: four distinct runs of six, and three."""
+    first, second, third, fourth = ([0, 1], [0, 4], [0, 3], [0, 5])
+    jobs = [
+        make(0, [first, second, third], lam="0.4", seed="0"),
+        make(1, [second, third, fourth], lam="0.4", seed="1"),
+        make(2, [first, second, third], lam="0", seed="0"),
+        make(3, [first, second, third], lam="0", seed="0"),
+    ]
+    write_sweep(tmp_path, jobs)
+    [(_, curves, _)] = drawn
+    assert [curve.scores.tolist() for curve in curves] == [
+        [first, second, third, fourth],
+        [first, second, third],
+    ]
+    out, err = capsys.readouterr()
+    for scores in ([1, 4, 3, 5], [1, 4, 3]):
+        mean, error = np.mean(scores), stats.sem(scores)
+        low, high = np.clip(stats.t.interval(0.95, len(scores) - 1, mean, error), 0, 5)
+        assert f"{len(scores)}    │ {mean:.2f}, 95 % interval {low:.2f} to {high:.2f}" in out
+    assert err == (
+        "5 of 12 runs repeat a run of an earlier job, with the same configuration and seed; "
+        "they count once\n"
+    )
+    found = [(row["job"], row["seed"]) for row in rows(tmp_path / "evaluations.csv")[::2]]
+    assert found == [("0", "0"), ("0", "1"), ("0", "2"), ("1", "3"), *(("2", i) for i in "012")]
+
+
+def test_a_later_launch_has_a_table_of_its_own(
+    make: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A configuration that the launch repeats with other seeds is in it, with all its runs."""
+    jobs = [
+        make(0, [[0, 1]], lam="0", seed="0"),
+        make(1, [[0, 3]], lam="0.4", seed="0"),
+        make(2, [[0, 5]], lam="0.4", seed="7"),
+        make(3, [[0, 2]], lam="1", seed="0"),
+    ]
+    write_sweep(tmp_path, jobs, first=2)
+    out = capsys.readouterr().out
+    body = [line for line in out.splitlines() if line.startswith("│")]
+    assert [line[:14].strip("│ ") for line in body] == ["λ = 0.4", "λ = 1"]
+    assert "2    │ 4.00" in body[0]
 
 
 def test_unfinished_jobs_are_told_and_not_counted(
