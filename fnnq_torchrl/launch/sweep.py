@@ -24,7 +24,7 @@ from fnnq_torchrl.training.results import (
     read_summary,
 )
 from fnnq_torchrl.training.score import Score
-from fnnq_torchrl.training.terminal import announce, print_sweep
+from fnnq_torchrl.training.terminal import announce, print_picture, print_sweep
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class _Finished:
 
 
 def write_sweep(directory: Path, jobs: Sequence[SweptResult], first: int = 0) -> None:
-    """Write a sweep's own files into its directory, and print a table of its latest jobs.
+    """Write a sweep's own tables into its directory, and print one of its latest jobs.
 
     A run that several jobs have is counted once, and a line tells of it. An unfinished job, which
     has no summary.json, has a row in summary.csv with its keys alone, and is left out of the other
@@ -78,13 +78,47 @@ def write_sweep(directory: Path, jobs: Sequence[SweptResult], first: int = 0) ->
         if (path := job.directory / "summary.json").exists()
     }
     _write_summaries(directory / "summary.csv", jobs, keys, finished)
-    so_far = RunsSoFar()
-    done = [_Finished(job, so_far.add(job.runs)) for job in jobs if job.number in finished]
-    if not done:
+    if not (done := _finished(jobs)):
         return
-    _tell_repeated([each for each in done if each.job.number >= first])
+    latest = [each for each in done if each.job.number >= first]
+    _tell_repeated(latest)
     _write_evaluations(directory / "evaluations.csv", done, keys)
-    _show(directory, done, first)
+    shown = {each.job.runs.configuration for each in latest}
+    for groups, score, keys in _kinds_of_score(done):
+        curves = [_curve(groups[kind], keys) for kind in groups if kind in shown]
+        if curves:
+            print_sweep([(curve.label, curve.mean_score) for curve in curves], score)
+
+
+def draw_whole(directory: Path, jobs: Sequence[SweptResult]) -> None:
+    """Draw the learning curves of a sweep's finished jobs, a picture for each kind of score.
+
+    Raises:
+        OSError: if a result file can't be read.
+        ValueError: if a result file is damaged; the message names the file.
+    """
+    kinds = _kinds_of_score(_finished(jobs))
+    pictures = []
+    for groups, score, keys in kinds:
+        suffix = f"_{score.name}" if len(kinds) > 1 else ""
+        picture = directory / f"learning_curves{suffix}.png"
+        of = f"values of {key_words(keys[0])}" if len(keys) == 1 else "configurations"
+        draw_sweep([_curve(group, keys) for group in groups.values()], of, picture, score)
+        pictures.append(picture)
+        if picture.exists():
+            print_picture("learning curves", picture)
+    for other in {*directory.glob("learning_curves*.png")} - {*pictures}:
+        other.unlink()  # drawn when the jobs so far had other kinds of score
+
+
+def _finished(jobs: Sequence[SweptResult]) -> list[_Finished]:
+    """Return the finished jobs, those with a summary.json."""
+    so_far = RunsSoFar()
+    return [
+        _Finished(job, so_far.add(job.runs))
+        for job in jobs
+        if (job.directory / "summary.json").exists()
+    ]
 
 
 def _tell_repeated(done: Sequence[_Finished]) -> None:
@@ -97,39 +131,26 @@ def _tell_repeated(done: Sequence[_Finished]) -> None:
         )
 
 
-def _show(directory: Path, done: Sequence[_Finished], first: int) -> None:
-    """Draw the curves of finished jobs and print their scores, separately for each kind of score.
+_Groups = dict[str, list[_Finished]]
+"""Finished jobs by their configurations."""
 
-    Args:
-        directory: the directory of the sweep.
-        done: the finished jobs.
-        first: the number of the first job whose configuration is in the table.
+
+def _kinds_of_score(done: Sequence[_Finished]) -> list[tuple[_Groups, Score, list[str]]]:
+    """Return for each kind of score its jobs by configuration, the score, and the varied keys.
+
+    The varied keys are those in which any configurations of the sweep differ.
     """
-    by_score: dict[str, dict[str, list[_Finished]]] = {}
+    kinds: dict[str, _Groups] = {}
     for each in done:
-        groups = by_score.setdefault(each.job.score.name, {})
+        groups = kinds.setdefault(each.job.score.name, {})
         groups.setdefault(each.job.runs.configuration, []).append(each)
     # A configuration has the words of its first job.
-    named = [group[0].job for groups in by_score.values() for group in groups.values()]
+    named = [group[0].job for groups in kinds.values() for group in groups.values()]
     keys = [key for key in swept_keys(named) if key not in WHICH_RUNS]
-    of = f"values of {key_words(keys[0])}" if len(keys) == 1 else "configurations"
-    pictures = []
-    for name, groups in by_score.items():
-        curves = [_curve(group, keys) for group in groups.values()]
-        score = reduce(Score.joined, (group[0].job.score for group in groups.values()))
-        suffix = f"_{name}" if len(by_score) > 1 else ""
-        picture = directory / f"learning_curves{suffix}.png"
-        draw_sweep(curves, of, picture, score)
-        pictures.append(picture)
-        scores = [
-            (curve.label, curve.mean_score)
-            for curve, group in zip(curves, groups.values(), strict=True)
-            if group[-1].job.number >= first
-        ]
-        if scores:
-            print_sweep(scores, picture if picture.exists() else None, score)
-    for other in {*directory.glob("learning_curves*.png")} - {*pictures}:
-        other.unlink()  # drawn when the jobs so far had other kinds of score
+    return [
+        (groups, reduce(Score.joined, (group[0].job.score for group in groups.values())), keys)
+        for groups in kinds.values()
+    ]
 
 
 def swept_keys(jobs: Sequence[SweptResult]) -> list[str]:

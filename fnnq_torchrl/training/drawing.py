@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from fnnq_torchrl.training.jobs import PICTURE, Job
 from fnnq_torchrl.training.pictures.curve import Curve
@@ -25,6 +26,16 @@ def draw_sweep(curves: Sequence[Curve], of: str, picture: Path, score: Score) ->
         from fnnq_torchrl.training.pictures.curves import sweep_curves
 
         sweep_curves(curves, of, picture, score)
+
+
+def draw_search(study: Any, directory: Path) -> None:
+    """Draw Optuna's own figures of a study, one file for each."""
+    for name in ("optimization_history", "slice", "param_importances"):
+        picture = directory / f"{name}.png"
+        with _optional(picture):
+            from fnnq_torchrl.training.pictures.search import search_picture
+
+            search_picture(study, name, picture)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from scipy import stats
 
 from fnnq_torchrl.config.identity import WHICH_RUNS, JobRuns
 from fnnq_torchrl.launch import sweep as module
-from fnnq_torchrl.launch.sweep import SweptResult, swept_keys, write_sweep
+from fnnq_torchrl.launch.sweep import SweptResult, draw_whole, swept_keys, write_sweep
 from fnnq_torchrl.training.pictures.curve import Curve
 from fnnq_torchrl.training.results import (
     Outcome,
@@ -71,6 +71,11 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, list[Curve], Score
     return pictures
 
 
+def write_whole(directory: Path, jobs: Sequence[SweptResult], first: int = 0) -> None:
+    write_sweep(directory, jobs, first)
+    draw_whole(directory, jobs)
+
+
 def rows(path: Path) -> list[dict[str, str]]:
     with open(path, newline="") as file:
         return list(csv.DictReader(file))
@@ -92,7 +97,7 @@ def test_every_swept_key_is_a_column(
         make(0, [[0, 2, 4]], alpha="0.4", seed="0", **{"value.action": labels}),
         make(1, [[1, 3, 5], [2, 3, 4]], alpha="0.4", seed="7", **{"value.action": "[[0,1]]"}),
     ]
-    write_sweep(tmp_path, jobs)
+    write_whole(tmp_path, jobs)
     evaluations = rows(tmp_path / "evaluations.csv")
     assert list(evaluations[0]) == [
         *("seed", "lam", "situations", "steps", "catches"),
@@ -118,7 +123,7 @@ def test_swept_situations_are_not_those_of_a_row(
     make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
     jobs = [make(0, [[0, 2]], situations="5"), make(1, [[1, 3]], situations="10")]
-    write_sweep(tmp_path, jobs)
+    write_whole(tmp_path, jobs)
     evaluations = rows(tmp_path / "evaluations.csv")
     assert [row["config.situations"] for row in evaluations] == ["5", "5", "10", "10"]
 
@@ -127,7 +132,7 @@ def test_the_evaluations_are_read_as_those_of_a_job_are(
     make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
     jobs = [make(0, [[0, 2], [1, 1]], lam="0.1", x="a,b"), make(1, [[3, 4]], lam="0.5", x="c")]
-    write_sweep(tmp_path, jobs)
+    write_whole(tmp_path, jobs)
     whole = read_evaluations(tmp_path / "evaluations.csv")
     assert whole.lam.tolist() == [0.1, 0.1, 0.5]
     assert whole.catches.tolist() == [[0, 2], [1, 1], [3, 4]]
@@ -142,7 +147,7 @@ def test_a_curve_for_each_configuration_over_its_seeds(
         make(2, [[0, 3]], lam="0", seed="0"),
         make(3, [[0, 4]], lam="0", seed="1"),
     ]
-    write_sweep(tmp_path, jobs)
+    write_whole(tmp_path, jobs)
     [(of, curves, score)] = drawn
     assert (of, score) == ("values of λ", CATCHES)
     assert [curve.label for curve in curves] == ["λ = 0.4", "λ = 0"]
@@ -156,7 +161,7 @@ def test_a_configuration_has_all_its_swept_values_in_its_label(
         make(0, [[0, 1]], alpha="0.312345", lam="0.1", trace="output"),
         make(1, [[0, 2]], alpha="0.4", lam="0.1", trace="gradient"),
     ]
-    write_sweep(tmp_path, jobs)
+    write_whole(tmp_path, jobs)
     [(of, curves, _)] = drawn
     assert of == "configurations"
     assert [curve.label for curve in curves] == [
@@ -168,7 +173,7 @@ def test_a_configuration_has_all_its_swept_values_in_its_label(
 def test_seeds_alone_are_one_configuration(
     make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
-    write_sweep(tmp_path, [make(0, [[0, 1]], seed="0"), make(1, [[0, 2]], seed="1")])
+    write_whole(tmp_path, [make(0, [[0, 1]], seed="0"), make(1, [[0, 2]], seed="1")])
     [(_, [curve], _)] = drawn
     assert (curve.label, curve.scores.tolist()) == ("λ = 0.2", [[0, 1], [0, 2]])
 
@@ -187,7 +192,7 @@ def test_runs_that_jobs_share_count_once(
         make(2, [first, second, third], lam="0", seed="0"),
         make(3, [first, second, third], lam="0", seed="0"),
     ]
-    write_sweep(tmp_path, jobs)
+    write_whole(tmp_path, jobs)
     [(_, curves, _)] = drawn
     assert [curve.scores.tolist() for curve in curves] == [
         [first, second, third, fourth],
@@ -216,7 +221,7 @@ def test_a_later_launch_has_a_table_of_its_own(
         make(2, [[0, 5]], lam="0.4", seed="7"),
         make(3, [[0, 2]], lam="1", seed="0"),
     ]
-    write_sweep(tmp_path, jobs, first=2)
+    write_whole(tmp_path, jobs, first=2)
     out = capsys.readouterr().out
     body = [line for line in out.splitlines() if line.startswith("│")]
     assert [line[:14].strip("│ ") for line in body] == ["λ = 0.4", "λ = 1"]
@@ -226,7 +231,7 @@ def test_a_later_launch_has_a_table_of_its_own(
 def test_unfinished_jobs_are_told_and_not_counted(
     make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
-    write_sweep(tmp_path, [make(0, None, lam="0.1"), make(1, [[0, 2]], lam="0.3")])
+    write_whole(tmp_path, [make(0, None, lam="0.1"), make(1, [[0, 2]], lam="0.3")])
     first, second = rows(tmp_path / "summary.csv")
     assert set(first.values()) == {"0", "0.1", ""}
     assert second["mean_score"] == "2.0"
@@ -237,7 +242,7 @@ def test_unfinished_jobs_are_told_and_not_counted(
 def test_nothing_finished_has_no_curves(
     make: Make, tmp_path: Path, drawn: list[tuple[str, list[Curve], Score]]
 ) -> None:
-    write_sweep(tmp_path, [make(0, None, lam="0.1"), make(1, None, lam="0.3")])
+    write_whole(tmp_path, [make(0, None, lam="0.1"), make(1, None, lam="0.3")])
     assert len(rows(tmp_path / "summary.csv")) == 2
     assert not (tmp_path / "evaluations.csv").exists()
     assert not drawn
@@ -247,7 +252,7 @@ def test_the_table_is_printed_the_best_first(
     make: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     jobs = [make(i, [[0, i % 6]], alpha=f"0.{i + 10}", seed="0") for i in range(22)]
-    write_sweep(tmp_path, jobs)
+    write_whole(tmp_path, jobs)
     lines = capsys.readouterr().out.splitlines()
     body = [line for line in lines if line.startswith("│")]
     assert len(body) == 20
@@ -261,14 +266,14 @@ def test_scores_of_different_measures_have_a_picture_and_a_table_each(
     make: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     jobs = [make(0, [[0, 1], [0, 3]], env="a"), make(1, [[0, 2], [0, 2]], env="b")]
-    write_sweep(tmp_path, jobs[:1])
+    write_whole(tmp_path, jobs[:1])
     assert [path.name for path in tmp_path.glob("*.png")] == ["learning_curves.png"]
     jobs[1] = replace(jobs[1], score=Score("return", -1, 1))
-    write_sweep(tmp_path, jobs)
+    write_whole(tmp_path, jobs)
     assert {path.name for path in tmp_path.glob("*.png")} == {
         "learning_curves_catches.png",
         "learning_curves_return.png",
     }
-    tables = capsys.readouterr().out.split("learning curves: ")[1:3]
+    tables = capsys.readouterr().out.split("configuration")[2:]
     assert "2.00, 95 % interval 0.00 to 5.00" in tables[0]
     assert "0.00, 95 % interval 0.00 to 0.00" in tables[1]
