@@ -119,6 +119,4 @@ class OptunaSweeper(Sweeper):
 
     def sweep(self, arguments: list[str]) -> None:
         """Search the values of these overrides."""
-        self._task.search(
-            self._settings, self._context, self._config, self._launcher, arguments
-        )
+        self._task.search(self._settings, self._context, self._config, self._launcher, arguments)

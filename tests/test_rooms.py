@@ -39,13 +39,17 @@ ONLY_IN = {
     ],
     "submitit": ["fnnq_torchrl.launch.cluster"],
     "mlflow": ["fnnq_torchrl.training.loggers.mlflow"],
+    "optuna": ["fnnq_torchrl.launch.search", "fnnq_torchrl.training.pictures.search"],
+    "sqlalchemy": ["fnnq_torchrl.training.loggers.mlflow"],
     "sklearn": ["fnnq_torchrl.training.memberships"],
     "PIL": ["fnnq_torchrl.training.loggers.tensorboard", "fnnq_torchrl.training.watching"],
     "wandb": ["fnnq_torchrl.training.loggers"],
 }
 
 # Libraries of an extra, imported only if the user asks for them.
-OPTIONAL = {"PIL", "gymnasium", "mlflow", "sklearn", "submitit", "wandb"}
+OPTIONAL = {
+    *("PIL", "gymnasium", "mlflow", "optuna", "sklearn", "sqlalchemy", "submitit", "wandb"),
+}
 
 PACKAGES = ("envs", "fnnq_torchrl", "hydra_plugins")
 

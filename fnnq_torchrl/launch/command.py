@@ -95,9 +95,8 @@ class Task:
         try:
             from fnnq_torchrl.launch.search import Search
         except ImportError as error:
-            raise ConfigError(
-                f"hydra/sweeper=optuna: needs a library that isn't installed: {installing('optuna')}"
-            ) from error
+            needs = f"needs a library that isn't installed; {installing('optuna')}"
+            raise ConfigError(f"hydra/sweeper=optuna: {needs}") from error
         Search(*arguments).run()
 
     def end(self) -> None:
@@ -126,7 +125,8 @@ def command(job: RunJob, run_batches: RunBatches) -> Callable[[], None]:
     Returns:
         A function without arguments that does the job or the sweep that ``sys.argv`` asks for.
     """
-    for plugin in (BatchLauncher, BatchSweeper, OptunaSweeper):  # Hydra doesn't find them in every installation
+    # Hydra doesn't find them in every installation.
+    for plugin in (BatchLauncher, BatchSweeper, OptunaSweeper):
         Plugins.instance().register(plugin)
     # Another plugin may have a schema of the name of our sweeper, which Hydra would apply to it.
     ConfigStore.instance().repo["hydra"].get("sweeper", {}).pop("optuna.yaml", None)

@@ -38,7 +38,7 @@ from fnnq_torchrl.files.atomic import atomic_write
 from fnnq_torchrl.training.drawing import draw_search
 
 log = logging.getLogger(__name__)
-optuna.logging.set_verbosity(optuna.logging.WARNING)  # else it logs every trial
+optuna.logging.set_verbosity(logging.WARNING)  # else it logs every trial
 
 RESULTS = "optimization_results.yaml"
 """The file with the best values, named as that of Hydra's own plugin for Optuna."""
@@ -206,7 +206,7 @@ class Search:
                     return CmaEsSampler(seed=seed, warn_independent_sampling=False)
                 except ImportError as error:
                     raise ConfigError(
-                        "hydra.sweeper.sampler=cmaes: needs a library that isn't installed: "
+                        "hydra.sweeper.sampler=cmaes: needs a library that isn't installed; "
                         "pip install cmaes"
                     ) from error
             case _:

@@ -232,6 +232,11 @@ def _section(key: str, value: object) -> str:
 
 
 def _yaml(plain: object) -> str:
-    return yaml.dump(
-        plain, Dumper=_Dumper, default_flow_style=False, allow_unicode=True, sort_keys=False
-    )
+    how: Any = {"default_flow_style": False, "allow_unicode": True, "sort_keys": False}
+    try:
+        text: str = yaml.dump(plain, Dumper=_Dumper, **how)
+    except (
+        UnicodeEncodeError
+    ):  # the name of a directory isn't UTF-8; the dumper in C can't quote it
+        text = yaml.dump(plain, Dumper=yaml.SafeDumper, **how)
+    return text

@@ -12,13 +12,20 @@ import yaml
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from fnnq_torchrl.training import job as job_module
+from fnnq_torchrl.training.drawing import draw_search
 from fnnq_torchrl.training.jobs import Job, JobFailed
 from fnnq_torchrl.training.results import Outcome, summarise, write_evaluations, write_summary
 from tests.commands import fnnq_train
 
 optuna = pytest.importorskip("optuna", minversion="5")
+from optuna.distributions import (  # noqa: E402
+    CategoricalDistribution,
+    FloatDistribution,
+    IntDistribution,
+)
 
-from fnnq_torchrl.launch.search import _distribution, _grid  # noqa: E402  # imports Optuna
+from fnnq_torchrl.launch import search as module  # noqa: E402  # imports Optuna
+from fnnq_torchrl.launch.search import _distribution, _grid  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # those of Optuna and of its libraries
 
@@ -77,8 +84,11 @@ class Trainings:
 
 @pytest.fixture(autouse=True)
 def trainings(monkeypatch: pytest.MonkeyPatch) -> Trainings:
+    """Replace the trainings, and draw nothing: pictures take longer than all the rest."""
     trainings = Trainings()
     monkeypatch.setattr(job_module, "run_batches", trainings)
+    monkeypatch.setattr(module, "draw_search", lambda study, directory: None)
+    monkeypatch.setattr("fnnq_torchrl.launch.sweep.draw_sweep", lambda *arguments: None)
     return trainings
 
 
@@ -126,8 +136,15 @@ def test_proposals_are_batches_and_the_best_is_told(
     assert f"best so far: job {found['job']} with " in out.splitlines()[-1]
     tables = out.split("configuration")[1:]
     assert [table.count("│ α = ") for table in tables] == [10, 10, 5]  # only what is new
-    for name in ("optimization_history", "slice", "param_importances"):
-        assert (tmp_path / "a" / f"{name}.png").stat().st_size > 0
+
+
+def test_optunas_figures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "module://of_a_notebook")
+    study = optuna.create_study(direction="maximize")
+    study.optimize(lambda trial: -(trial.suggest_float("lam", 0, 1) ** 2), n_trials=4)
+    draw_search(study, tmp_path)
+    names = {"optimization_history.png", "slice.png", "param_importances.png"}
+    assert {path.name for path in tmp_path.iterdir()} == names
 
 
 @pytest.mark.parametrize(
@@ -202,15 +219,18 @@ def test_the_command_line_replaces_a_preset(search: Callable[..., int], tmp_path
 @pytest.mark.parametrize(
     ("typed", "expected"),
     [
-        ("lam=interval(0,1)", optuna.distributions.FloatDistribution(0, 1)),
-        ("alpha=tag(log,interval(0.1,1))", optuna.distributions.FloatDistribution(0.1, 1, log=True)),
-        ("window=int(interval(1,9))", optuna.distributions.IntDistribution(1, 9)),
-        ("window=range(1,10)", optuna.distributions.IntDistribution(1, 9)),
-        ("window=range(9,1,-4)", optuna.distributions.IntDistribution(5, 9, step=4)),
-        ("window=tag(log,range(1,65))", optuna.distributions.IntDistribution(1, 64, log=True)),
-        ("lam=range(0,1,0.25)", optuna.distributions.FloatDistribution(0, 0.75, step=0.25)),
-        ("lam=0,0.5", optuna.distributions.CategoricalDistribution(["0", "0.5"])),
-        ("a=choice([1,2],b)", optuna.distributions.CategoricalDistribution(["[1,2]", "b"])),
+        ("lam=interval(0,1)", FloatDistribution(0, 1)),
+        (
+            "alpha=tag(log,interval(0.1,1))",
+            FloatDistribution(0.1, 1, log=True),
+        ),
+        ("window=int(interval(1,9))", IntDistribution(1, 9)),
+        ("window=range(1,10)", IntDistribution(1, 9)),
+        ("window=range(9,1,-4)", IntDistribution(5, 9, step=4)),
+        ("window=tag(log,range(1,65))", IntDistribution(1, 64, log=True)),
+        ("lam=range(0,1,0.25)", FloatDistribution(0, 0.75, step=0.25)),
+        ("lam=0,0.5", CategoricalDistribution(["0", "0.5"])),
+        ("a=choice([1,2],b)", CategoricalDistribution(["[1,2]", "b"])),
     ],
 )
 def test_a_space_is_what_hydra_means(typed: str, expected: object) -> None:

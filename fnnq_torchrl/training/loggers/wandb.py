@@ -93,12 +93,12 @@ class WandbLogger(Logger):
         if self._mode == "disabled":
             return
         if self._settings.per == "run":
-            new = {*self._logged.add(JobRuns.of(job.job.config))}
+            identities = JobRuns.of(job.job.config)
+            new = {*self._logged.add(identities)}
             columns = Runs.of([job.job.config]).columns
             values = {key: column.tolist() for key, column in columns.items()}
             with ThreadPoolExecutor(_AT_ONCE) as pool:
-                seeds = enumerate(job.evaluations.seed.tolist())
-                runs = [run for run, seed in seeds if seed in new]
+                runs = [run for run, seed in enumerate(identities.seeds) if seed in new]
                 [*pool.map(lambda run: self._log_run(job, values, run), runs)]
         elif self._settings.per == "job" or job.job.sweep is None:
             self._log_whole(job)
@@ -160,7 +160,10 @@ class WandbLogger(Logger):
     ) -> Iterator[wandb.Run]:
         """Return a wandb run for a block; the only one of a command has the user's id and name."""
         settings, users = self._settings, self._users
-        own, self._own = (self._own, {}) if is_only else ({}, self._own)
+        own: dict[str, Any] = {"run_name": name}
+        if is_only:
+            own |= self._own
+            self._own = {}
         log = self._init(
             dir=results.directory,
             project=settings.project or users.project or _PROJECT,
@@ -178,7 +181,7 @@ class WandbLogger(Logger):
                 init_timeout=settings.timeout_s,
                 finish_timeout=settings.timeout_s,
                 finish_timeout_raises=True,
-                **{"run_name": name} | own,
+                **own,
             ),
         )
         try:  # not `with log`, which prints a traceback
