@@ -235,8 +235,7 @@ def _yaml(plain: object) -> str:
     how: Any = {"default_flow_style": False, "allow_unicode": True, "sort_keys": False}
     try:
         text: str = yaml.dump(plain, Dumper=_Dumper, **how)
-    except (
-        UnicodeEncodeError
-    ):  # the name of a directory isn't UTF-8; the dumper in C can't quote it
+    except UnicodeEncodeError:
+        # The name of a directory isn't UTF-8, which the dumper in C can't write.
         text = yaml.dump(plain, Dumper=yaml.SafeDumper, **how)
     return text

@@ -61,6 +61,7 @@ def test_what_the_environment_says_is_heeded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A run that is named in it is that of a job alone, and not of many."""
+    monkeypatch.chdir(tmp_path)
     uri = f"sqlite:///{tmp_path / 'own.db'}"
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     monkeypatch.setenv("MLFLOW_EXPERIMENT_NAME", "theirs")

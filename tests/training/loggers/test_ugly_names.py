@@ -4,7 +4,7 @@ import os
 import shutil
 import sys
 import warnings
-from contextlib import closing
+from contextlib import chdir, closing
 from pathlib import Path
 
 import pytest
@@ -39,7 +39,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from mlflow.tracking import MlflowClient
 
     path = tmp_path_factory.mktemp("mlflow") / "mlflow.db"
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), chdir(path.parent):  # MLflow makes mlruns
         warnings.simplefilter("ignore")
         MlflowClient(f"sqlite:///{path}").search_experiments()
     return path
