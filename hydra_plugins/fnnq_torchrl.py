@@ -1,4 +1,4 @@
-"""The launcher and the sweeper of fnnq_torchrl, in the package where Hydra looks for plugins.
+"""The launcher and the sweepers of fnnq_torchrl, in the package where Hydra looks for plugins.
 
 Every Hydra application in the same Python environment imports this module, so it must load fast.
 """
@@ -9,9 +9,11 @@ from typing import Any, cast
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
+from hydra.core.plugins import Plugins
 from hydra.core.utils import JobReturn
 from hydra.errors import HydraException
 from hydra.plugins.launcher import Launcher
+from hydra.plugins.sweeper import Sweeper
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig
 
@@ -94,3 +96,27 @@ class BatchSweeper(BasicSweeper):
         """Compose the jobs to check them, unless :class:`BatchLauncher` composes them itself."""
         if not isinstance(self.launcher, BatchLauncher):
             super().validate_batch_is_legal(batch)
+
+
+class OptunaSweeper(Sweeper):
+    """A sweeper that passes the search for the best values to the task, which asks Optuna.
+
+    Args:
+        **settings: the keys of ``conf/hydra/sweeper/optuna.yaml``.
+    """
+
+    def __init__(self, **settings: Any) -> None:
+        self._settings = settings
+
+    def setup(
+        self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig
+    ) -> None:
+        """Set up the launcher; the task must be a ``fnnq_torchrl.launch.command.Task``."""
+        self._task, self._context, self._config = cast(Any, task_function), hydra_context, config
+        self._launcher = Plugins.instance().instantiate_launcher(
+            hydra_context=hydra_context, task_function=task_function, config=config
+        )
+
+    def sweep(self, arguments: list[str]) -> None:
+        """Search the values of these overrides."""
+        self._task.search(self._settings, self._context, self._config, self._launcher, arguments)

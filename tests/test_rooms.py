@@ -35,13 +35,18 @@ ONLY_IN = {
     "matplotlib": ["envs.pictures"],
     "submitit": ["fnnq_torchrl.launch.cluster"],
     "mlflow": ["fnnq_torchrl.training.loggers.mlflow"],
+    "optuna": ["fnnq_torchrl.launch.search", "fnnq_torchrl.training.pictures.search"],
+    "sqlalchemy": ["fnnq_torchrl.training.loggers.mlflow"],
     "sklearn": ["fnnq_torchrl.training.memberships"],
     "PIL": ["fnnq_torchrl.training.loggers.tensorboard", "fnnq_torchrl.training.watching"],
     "wandb": ["fnnq_torchrl.training.loggers"],
 }
 
 # Libraries of an extra, imported only if the user asks for them.
-OPTIONAL = {"PIL", "gymnasium", "mlflow", "sklearn", "submitit", "tensorboard", "wandb"}
+OPTIONAL = {
+    *("PIL", "gymnasium", "mlflow", "optuna", "sklearn", "sqlalchemy", "submitit"),
+    *("tensorboard", "wandb"),
+}
 
 PACKAGES = ("envs", "fnnq_torchrl", "hydra_plugins")
 

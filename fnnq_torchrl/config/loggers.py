@@ -10,11 +10,11 @@ class WandbConfig(Parameters):
     """The settings of Weights & Biases (`fnnq_torchrl.training.loggers.wandb`)."""
 
     per: str = one_of("job", "run", "sweep")
-    mode: str = one_of("auto", "online", "offline")
-    project: str = matching(r"[^/\\#?%:]{1,128}", r"1 to 128 characters other than / \ # ? % :")
+    mode: str = one_of("auto", "online", "offline", "disabled")
+    project: str = matching(r"[^/\\#?%:]{0,128}", r"at most 128 characters other than / \ # ? % :")
     entity: str = matching(r"[^/\s]*", "the name of a team or a user")
     group: str = matching(r".{0,128}", "at most 128 characters")
-    job_type: str = matching(r".{1,64}", "1 to 64 characters")
+    job_type: str = matching(r".{0,64}", "at most 64 characters")
     tags: list[str] = texts(most=64)
     timeout_s: float = number(above=0)
 
@@ -31,7 +31,7 @@ class MlflowConfig(Parameters):
     """The settings of MLflow (`fnnq_torchrl.training.loggers.mlflow`)."""
 
     tracking_uri: str = matching(r"([\w+]+:\S+)?", "a URI, as https://host or sqlite:///path")
-    experiment: str = matching(r".{1,250}", "1 to 250 characters")
+    experiment: str = matching(r".{0,250}", "at most 250 characters")
     timeout_s: float = number(above=0)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from fnnq_torchrl.config.extras import installing
 from fnnq_torchrl.config.launcher import LauncherConfig
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.batches import RunBatches
@@ -98,8 +99,7 @@ def run_on_cluster(
             local_max_num_timeout=_MOST_TIMEOUTS,
         )
     except ImportError as error:
-        needs = "needs submitit; pip install 'fnnq_torchrl[cluster]'"
-        raise ConfigError(f"{asked}: {needs}") from error
+        raise ConfigError(f"{asked}: needs submitit; {installing('cluster')}") from error
     except RuntimeError as error:
         raise ConfigError(f"{asked}: {error}") from error
     executor.update_parameters(

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
 
+from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
 from hydra.core.utils import JobReturn
@@ -22,6 +23,7 @@ from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from fnnq_torchrl.config.checking import to_config
+from fnnq_torchrl.config.extras import installing
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.launch.application import Application
 from fnnq_torchrl.launch.batches import RunBatches
@@ -35,7 +37,7 @@ from fnnq_torchrl.launch.launcher import Multirun
 from fnnq_torchrl.launch.streams import lasting_streams, one_line
 from fnnq_torchrl.training.jobs import JobFailed
 from fnnq_torchrl.training.resume.interruptions import SAVING, Interrupted
-from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
+from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper, OptunaSweeper
 
 _FULL_ERROR = "HYDRA_FULL_ERROR"
 """The environment variable that asks for Hydra's errors with their tracebacks."""
@@ -86,6 +88,19 @@ class Task:
         self.began = True
         return self._multirun.launch(job_overrides, first)
 
+    def search(self, *arguments: Any) -> None:
+        """Search for the best values: the arguments are those of `Search`.
+
+        Raises:
+            ConfigError: if Optuna isn't installed, or for the reasons that `Search` lists.
+        """
+        try:
+            from fnnq_torchrl.launch.search import Search
+        except ImportError as error:
+            needs = f"needs a library that isn't installed; {installing('optuna')}"
+            raise ConfigError(f"hydra/sweeper=optuna: {needs}") from error
+        Search(*arguments).run()
+
     def end(self) -> None:
         """Finish the multirun, if there is one; called once, after the sweeper's last launch."""
         if self._multirun is not None:
@@ -112,8 +127,11 @@ def command(job: RunJob, run_batches: RunBatches) -> Callable[[], None]:
     Returns:
         A function without arguments that does the job or the sweep that ``sys.argv`` asks for.
     """
-    for plugin in (BatchLauncher, BatchSweeper):  # Hydra doesn't find them in every installation
+    # Hydra doesn't find them in every installation.
+    for plugin in (BatchLauncher, BatchSweeper, OptunaSweeper):
         Plugins.instance().register(plugin)
+    # Another plugin may have a schema of the name of our sweeper, which Hydra would apply to it.
+    ConfigStore.instance().repo["hydra"].get("sweeper", {}).pop("optuna.yaml", None)
 
     def main() -> None:
         task, full = Task(job, run_batches), os.environ.get(_FULL_ERROR) == "1"

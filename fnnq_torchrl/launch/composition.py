@@ -23,16 +23,18 @@ from fnnq_torchrl.config.checking import refusal, to_config
 from fnnq_torchrl.config.choices import choices_of, config_directory
 from fnnq_torchrl.config.launcher import LauncherConfig
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
+from fnnq_torchrl.config.search import SearchConfig
 from fnnq_torchrl.launch.from_job import SAVED, choose_primary
-from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper
+from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper, OptunaSweeper
 
 VERSION_BASE = "1.3"  # the version of Hydra whose defaults apply
 
-_PLUGINS: dict[str, tuple[type, list[str]]] = {
-    "launcher": (BatchLauncher, [*allowed(LauncherConfig)]),
-    "sweeper": (BatchSweeper, [*signature(BatchSweeper).parameters]),
+_PLUGINS: dict[tuple[str, str], list[str]] = {
+    ("launcher", BatchLauncher.__name__): [*allowed(LauncherConfig)],
+    ("sweeper", BatchSweeper.__name__): [*signature(BatchSweeper).parameters],
+    ("sweeper", OptunaSweeper.__name__): ["params", *allowed(SearchConfig)],
 }
-"""Our launcher and sweeper: the class and the allowed keys of each, by Hydra's group."""
+"""The allowed keys of our launcher and sweepers, by Hydra's group and the name of the class."""
 
 # conf/config.yaml begins with this schema: Hydra then refuses unknown keys and wrong types.
 ConfigStore.instance().store(name="schema", node=Config)
@@ -139,18 +141,23 @@ def check_plugins(hydra: DictConfig) -> None:
     Raises:
         ConfigError: if a key is unknown.
     """
-    for name, (plugin, known) in _PLUGINS.items():
+    for (name, plugin), known in _PLUGINS.items():
         settings = hydra[name]
-        if settings.get("_target_") == f"{plugin.__module__}.{plugin.__name__}":
+        if settings.get("_target_") == f"{BatchLauncher.__module__}.{plugin}":
             for key in {*map(str, settings)} - {"_target_", *known}:
                 whole = f"hydra.{name}.{key}"
                 raise ConfigError(f"{whole}: there is no such key{_advice_on_hydra(whole)}")
 
 
 def _advice_on_hydra(key: str) -> str:
-    """Return a suggestion for a misspelt key of our launcher or sweeper, or an empty text."""
+    """Return a suggestion for a misspelt key of our launcher or sweepers, or an empty text."""
     group, _, name = key.rpartition(".")
-    _, known = _PLUGINS.get(group.removeprefix("hydra."), (None, ()))
+    known = [
+        each
+        for (plugged, _), keys in _PLUGINS.items()
+        if group == f"hydra.{plugged}"
+        for each in keys
+    ]
     near = difflib.get_close_matches(name, known, n=1)
     return f"; did you mean {group}.{near[0]}?" if near else ""
 

@@ -24,6 +24,7 @@ from hydra.types import HydraContext
 from omegaconf import DictConfig
 
 from envs.core.parameters import check
+from fnnq_torchrl.config.identity import JobRuns
 from fnnq_torchrl.config.launcher import LauncherConfig
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.batches import RunBatches, in_batches
@@ -32,6 +33,7 @@ from fnnq_torchrl.launch.swept_jobs import SweptJob, compose_jobs
 from fnnq_torchrl.training.jobs import PICTURE, JobFailed, Result
 
 if TYPE_CHECKING:
+    from fnnq_torchrl.launch.sweep import SweptResult
     from fnnq_torchrl.training.loggers import Loggers
 
 log = logging.getLogger(__name__)
@@ -62,6 +64,7 @@ class Multirun:
         self._context, self._config, self._run_batches = context, config, run_batches
         self._directory = Path(config.hydra.sweep.dir)
         self._jobs: list[SweptJob] = []
+        self._to_draw = False  # whether a launch has ended since the last picture
         self._loggers: Loggers | None = None  # made when there is a job to run
 
     def launch(self, job_overrides: Sequence[Sequence[str]], first: int) -> list[JobReturn]:
@@ -80,6 +83,7 @@ class Multirun:
             JobFailed: if a result file of a finished job is damaged.
         """
         self._log()
+        self._to_draw = False  # not after a launch that is cut short
         jobs = compose_jobs(self._context.config_loader, self._config, job_overrides, first)
         _check_directories([*self._jobs, *jobs])
         missing = []
@@ -102,14 +106,17 @@ class Multirun:
             returns = [self._end(job, results) for job in jobs]
             self._log()
             self._jobs += jobs
-            self._write_whole()
+            self._write_whole(first)
+            self._to_draw = True
         except ValueError as error:
             advice = "remove its summary.json to compute the job again"
             raise JobFailed(f"{error}; {advice}") from error
         return returns
 
     def end(self) -> None:
-        """Log the sweep as a whole and close the loggers; does nothing if no job has run."""
+        """Draw the curves of the sweep, unless its last launch was cut short; log it, and close."""
+        if self._to_draw:
+            self._draw_whole()
         if self._loggers is None:
             return
         from fnnq_torchrl.training.loggers import SweepResults
@@ -183,21 +190,32 @@ class Multirun:
             _return_value=result,
         )
 
-    def _write_whole(self) -> None:
-        """Write the files of the sweep as a whole, with all jobs launched so far."""
-        from fnnq_torchrl.launch.sweep import SweptResult, write_sweep
+    def _write_whole(self, first: int) -> None:
+        """Write the tables of the sweep as a whole, and print one of jobs from ``first`` on."""
+        from fnnq_torchrl.launch.sweep import write_sweep
+
+        write_sweep(self._directory, self._results(), first)
+
+    def _draw_whole(self) -> None:
+        """Draw the curves of the sweep as a whole."""
+        from fnnq_torchrl.launch.sweep import draw_whole
+
+        draw_whole(self._directory, self._results())
+
+    def _results(self) -> "list[SweptResult]":
+        from fnnq_torchrl.launch.sweep import SweptResult
         from fnnq_torchrl.training.score import Score
 
-        results = [
+        return [
             SweptResult(
                 job.number,
                 {key_of(line): line.partition("=")[2] for line in job.overrides},
                 job.directory,
                 Score.of(job.config),
+                JobRuns.of(job.config),
             )
             for job in self._jobs
         ]
-        write_sweep(self._directory, results)
 
 
 def _draw(jobs: Sequence[SweptJob]) -> None:

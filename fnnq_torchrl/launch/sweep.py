@@ -12,22 +12,19 @@ from pathlib import Path
 
 import numpy as np
 
+from fnnq_torchrl.config.identity import WHICH_RUNS, JobRuns, RunsSoFar
 from fnnq_torchrl.files.atomic import atomic_write, clear_leftovers
 from fnnq_torchrl.training.drawing import draw_sweep
 from fnnq_torchrl.training.pictures.curve import Curve
 from fnnq_torchrl.training.pictures.words import key_words, setting_words
 from fnnq_torchrl.training.results import (
     EVALUATION_COLUMNS,
-    Evaluations,
     Summary,
     read_evaluations,
     read_summary,
 )
 from fnnq_torchrl.training.score import Score
-from fnnq_torchrl.training.terminal import print_sweep
-
-_WHICH_RUNS = ("seed", "num_seeds")
-"""Keys that choose the seeds of the runs, and so don't make another configuration."""
+from fnnq_torchrl.training.terminal import announce, print_picture, print_sweep
 
 
 @dataclass(frozen=True)
@@ -39,19 +36,35 @@ class SweptResult:
         overrides: the values that the sweep gave the job, by key.
         directory: the directory with the job's result files.
         score: the score of the job's tests.
+        runs: the identities of the job's runs.
     """
 
     number: int
     overrides: Mapping[str, str]
     directory: Path
     score: Score
+    runs: JobRuns
 
 
-def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
-    """Write a sweep's own files into its directory, and print its table.
+@dataclass(frozen=True)
+class _Finished:
+    """A finished job, and the seeds of its runs that no earlier job of the sweep has."""
 
-    An unfinished job, which has no summary.json, has a row in summary.csv with its keys alone, and
-    is left out of the other files.
+    job: SweptResult
+    seeds: list[int]
+
+
+def write_sweep(directory: Path, jobs: Sequence[SweptResult], first: int = 0) -> None:
+    """Write a sweep's own tables into its directory, and print one of its latest jobs.
+
+    A run that several jobs have is counted once, and a line tells of it. An unfinished job, which
+    has no summary.json, has a row in summary.csv with its keys alone, and is left out of the other
+    files.
+
+    Args:
+        directory: the directory of the sweep.
+        jobs: all jobs of the sweep so far.
+        first: the number of the first job whose configuration is in the table.
 
     Raises:
         OSError: if a file can't be read or written.
@@ -65,37 +78,79 @@ def write_sweep(directory: Path, jobs: Sequence[SweptResult]) -> None:
         if (path := job.directory / "summary.json").exists()
     }
     _write_summaries(directory / "summary.csv", jobs, keys, finished)
-    done = [job for job in jobs if job.number in finished]
-    if not done:
+    if not (done := _finished(jobs)):
         return
+    latest = [each for each in done if each.job.number >= first]
+    _tell_repeated(latest)
     _write_evaluations(directory / "evaluations.csv", done, keys)
-    _show(directory, done, [key for key in keys if key not in _WHICH_RUNS])
+    shown = {each.job.runs.configuration for each in latest}
+    for groups, score, keys in _kinds_of_score(done):
+        curves = [_curve(groups[kind], keys) for kind in groups if kind in shown]
+        if curves:
+            print_sweep([(curve.label, curve.mean_score) for curve in curves], score)
 
 
-def _show(directory: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> None:
-    """Draw the curves of finished jobs and print their scores, separately for each kind of score.
+def draw_whole(directory: Path, jobs: Sequence[SweptResult]) -> None:
+    """Draw the learning curves of a sweep's finished jobs, a picture for each kind of score.
 
-    Args:
-        directory: the directory of the sweep.
-        jobs: the finished jobs.
-        keys: the keys in which the configurations differ.
+    Raises:
+        OSError: if a result file can't be read.
+        ValueError: if a result file is damaged; the message names the file.
     """
-    by_score: dict[str, list[SweptResult]] = {}
-    for job in jobs:
-        by_score.setdefault(job.score.name, []).append(job)
-    of = f"values of {key_words(keys[0])}" if len(keys) == 1 else "configurations"
+    kinds = _kinds_of_score(_finished(jobs))
     pictures = []
-    for name, alike in by_score.items():
-        curves = _curves(alike, keys)
-        score = reduce(Score.joined, (job.score for job in alike))
-        suffix = f"_{name}" if len(by_score) > 1 else ""
+    for groups, score, keys in kinds:
+        suffix = f"_{score.name}" if len(kinds) > 1 else ""
         picture = directory / f"learning_curves{suffix}.png"
-        draw_sweep(curves, of, picture, score)
+        of = f"values of {key_words(keys[0])}" if len(keys) == 1 else "configurations"
+        draw_sweep([_curve(group, keys) for group in groups.values()], of, picture, score)
         pictures.append(picture)
-        scores = [(curve.label, curve.mean_score) for curve in curves]
-        print_sweep(scores, picture if picture.exists() else None, score)
+        if picture.exists():
+            print_picture("learning curves", picture)
     for other in {*directory.glob("learning_curves*.png")} - {*pictures}:
         other.unlink()  # drawn when the jobs so far had other kinds of score
+
+
+def _finished(jobs: Sequence[SweptResult]) -> list[_Finished]:
+    """Return the finished jobs, those with a summary.json."""
+    so_far = RunsSoFar()
+    return [
+        _Finished(job, so_far.add(job.runs))
+        for job in jobs
+        if (job.directory / "summary.json").exists()
+    ]
+
+
+def _tell_repeated(done: Sequence[_Finished]) -> None:
+    """Print a line if jobs repeat runs of earlier jobs."""
+    runs = sum(len(each.job.runs.seeds) for each in done)
+    if repeated := runs - sum(len(each.seeds) for each in done):
+        announce(
+            f"{repeated:,} of {runs:,} runs repeat a run of an earlier job, with the same "
+            "configuration and seed; they count once"
+        )
+
+
+_Groups = dict[str, list[_Finished]]
+"""Finished jobs by their configurations."""
+
+
+def _kinds_of_score(done: Sequence[_Finished]) -> list[tuple[_Groups, Score, list[str]]]:
+    """Return for each kind of score its jobs by configuration, the score, and the varied keys.
+
+    The varied keys are those in which any configurations of the sweep differ.
+    """
+    kinds: dict[str, _Groups] = {}
+    for each in done:
+        groups = kinds.setdefault(each.job.score.name, {})
+        groups.setdefault(each.job.runs.configuration, []).append(each)
+    # A configuration has the words of its first job.
+    named = [group[0].job for groups in kinds.values() for group in groups.values()]
+    keys = [key for key in swept_keys(named) if key not in WHICH_RUNS]
+    return [
+        (groups, reduce(Score.joined, (group[0].job.score for group in groups.values())), keys)
+        for groups in kinds.values()
+    ]
 
 
 def swept_keys(jobs: Sequence[SweptResult]) -> list[str]:
@@ -139,18 +194,23 @@ def _columns(summary: Summary) -> dict[str, object]:
     return columns
 
 
-def _write_evaluations(path: Path, jobs: Sequence[SweptResult], keys: Sequence[str]) -> None:
-    """Write the evaluations of all jobs, with the job's number and swept values in each row."""
+def _write_evaluations(path: Path, done: Sequence[_Finished], keys: Sequence[str]) -> None:
+    """Write the evaluations of each run once, with its job's number and swept values in each row.
+
+    A run that several jobs have is in the rows of the first of them.
+    """
     further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # already columns
     names = [f"config.{key}" if key in EVALUATION_COLUMNS else key for key in further]
     with atomic_write(path) as file:
         file.write(_row([*EVALUATION_COLUMNS, *names]).encode())
-        for job in jobs:
+        for each in done:
+            job, seeds = each.job, {*map(str, each.seeds)}
             values = {**job.overrides, "job": job.number}
             behind = "," + _row([values.get(key, "") for key in further])
             with open(job.directory / "evaluations.csv", encoding="utf-8") as rows:
                 next(rows)  # skips the header
-                file.write("".join(row.rstrip("\n") + behind for row in rows).encode())
+                once = (row for row in rows if row.partition(",")[0] in seeds)
+                file.write("".join(row.rstrip("\n") + behind for row in once).encode())
 
 
 def _row(values: Sequence[object]) -> str:
@@ -159,33 +219,27 @@ def _row(values: Sequence[object]) -> str:
     return text.getvalue()
 
 
-def _curves(jobs: Sequence[SweptResult], keys: Sequence[str]) -> list[Curve]:
-    """Return a curve for each configuration, over all its runs, in the order of the jobs.
+def _curve(group: Sequence[_Finished], keys: Sequence[str]) -> Curve:
+    """Return the curve of a configuration, over each of its runs once.
 
     Args:
-        jobs: the finished jobs.
+        group: the finished jobs with this configuration.
         keys: the keys in which the configurations differ.
     """
-    groups: dict[tuple[str | None, ...], list[Evaluations]] = {}
-    for job in jobs:
-        kind = tuple(job.overrides.get(key) for key in keys)
-        groups.setdefault(kind, []).append(
-            read_evaluations(job.directory / "evaluations.csv", job.score.measure)
-        )
-    return [
-        Curve(
-            name=", ".join(
-                _words(key, value)
-                for key, value in zip(keys, kind, strict=True)
-                if value is not None
-            )
-            or _words("lam", str(group[0].lam[0])),
-            situations=group[0].situations,
-            scores=np.concatenate([evaluations.score for evaluations in group]),
-            diverged=sum(evaluations.diverged_runs for evaluations in group),
-        )
-        for kind, group in groups.items()
-    ]
+    evaluations = []
+    for each in group:
+        if each.seeds:
+            path = each.job.directory / "evaluations.csv"
+            whole = read_evaluations(path, each.job.score.measure)
+            evaluations.append(whole.of(np.isin(whole.seed, each.seeds)))
+    overrides = group[0].job.overrides
+    words = [_words(key, overrides[key]) for key in keys if key in overrides]
+    return Curve(
+        name=", ".join(words) or _words("lam", str(evaluations[0].lam[0])),
+        situations=evaluations[0].situations,
+        scores=np.concatenate([each.score for each in evaluations]),
+        diverged=sum(each.diverged_runs for each in evaluations),
+    )
 
 
 def _words(key: str, value: str) -> str:

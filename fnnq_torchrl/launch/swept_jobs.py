@@ -16,11 +16,12 @@ from hydra.core.config_loader import ConfigLoader
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from fnnq_torchrl.config.checking import flat, to_config
+from fnnq_torchrl.config.identity import ASIDE
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.files.atomic import atomic_write, clear_leftovers
 from fnnq_torchrl.files.settings import parse_settings
 from fnnq_torchrl.launch.composition import composing, key_of
-from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE, RESULTS, SNAPSHOTS, TRAINING, Job
+from fnnq_torchrl.training.jobs import BATCHABLE, RESULTS, SNAPSHOTS, TRAINING, Job
 
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
@@ -231,6 +232,10 @@ def _section(key: str, value: object) -> str:
 
 
 def _yaml(plain: object) -> str:
-    return yaml.dump(
-        plain, Dumper=_Dumper, default_flow_style=False, allow_unicode=True, sort_keys=False
-    )
+    how: Any = {"default_flow_style": False, "allow_unicode": True, "sort_keys": False}
+    try:
+        text: str = yaml.dump(plain, Dumper=_Dumper, **how)
+    except UnicodeEncodeError:
+        # The name of a directory isn't UTF-8, which the dumper in C can't write.
+        text = yaml.dump(plain, Dumper=yaml.SafeDumper, **how)
+    return text

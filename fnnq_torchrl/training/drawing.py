@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fnnq_torchrl.training.jobs import PICTURE, VIDEO, Job
 from fnnq_torchrl.training.results import Evaluations, read_evaluations
@@ -52,6 +52,16 @@ def draw_sweep(curves: "Sequence[Curve]", of: str, picture: Path, score: Score) 
         from fnnq_torchrl.training.pictures.curves import sweep_curves
 
         sweep_curves(curves, of, picture, score)
+
+
+def draw_search(study: Any, directory: Path) -> None:
+    """Draw Optuna's own figures of a study, one file for each."""
+    for name in ("optimization_history", "slice", "param_importances"):
+        picture = directory / f"{name}.png"
+        with optional(picture):
+            from fnnq_torchrl.training.pictures.search import search_picture
+
+            search_picture(study, name, picture)
 
 
 _PANELS, _PANEL_PX = 3, 240

@@ -8,9 +8,6 @@ from fnnq_torchrl.config.schema import PER_RUN, Config
 BATCHABLE = (*PER_RUN, "num_seeds")
 """The only configuration keys in which the jobs of a batch may differ."""
 
-ASIDE = ("resume", "checkpoint", "logger")
-"""The keys of saving, resuming and logging, which don't change any result."""
-
 TRAINING = "training.pt"
 """The file that holds an unfinished training."""
 

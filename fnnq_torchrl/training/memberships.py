@@ -18,6 +18,7 @@ from fnnq_torchrl.agent.policy import make_policy
 from fnnq_torchrl.agent.rules import partition
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.checking import to_config
+from fnnq_torchrl.config.extras import installing
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.config.values import CLUSTERED, LabelsConfig
 from fnnq_torchrl.equations.membership_functions import Membership
@@ -144,7 +145,7 @@ def find_labels(
         from sklearn.mixture import GaussianMixture
     except ImportError as error:
         raise ConfigError(
-            "value.membership=clustered: needs scikit-learn; pip install 'fnnq_torchrl[clusters]'"
+            f"value.membership=clustered: needs scikit-learn; {installing('clusters')}"
         ) from error
     if (different := len(np.unique(states))) < count:
         raise ConfigError(

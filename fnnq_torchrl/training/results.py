@@ -123,8 +123,8 @@ class Evaluations:
         """
         return self.score[:, 1:][:, -FINAL_EVALUATIONS:].mean(axis=1)
 
-    def of(self, runs: slice) -> Self:
-        """Return the evaluations of a slice of the runs."""
+    def of(self, runs: slice | NDArray[np.bool_]) -> Self:
+        """Return the evaluations of a slice of the runs, or of those that a mask marks."""
         arrays = {
             item.name: getattr(self, item.name)[runs]
             for item in _COLUMNS.values()

@@ -175,20 +175,18 @@ def print_summary(summary: Summary, picture: Path | None, console: Console | Non
     table.add_row("learning steps per second", "unknown" if rate is None else f"{rate:,.0f}")
     console.print(table)
     if picture is not None:
-        _print_path(console, "learning curve", picture)
+        print_picture("learning curve", picture, console)
 
 
 def print_sweep(
     scores: Sequence[tuple[str, NDArray[np.float64]]],
-    picture: Path | None,
     score: Score,
     console: Console | None = None,
 ) -> None:
-    """Print the scores of a sweep's configurations, the best first, and the path of its picture.
+    """Print the scores of a sweep's configurations, the best first.
 
     Args:
         scores: the name of each configuration, and the mean scores of its runs, ``[runs]``.
-        picture: as in :func:`print_summary`.
         score: the score of all configurations.
         console: the console to print to; by default, standard output.
     """
@@ -208,12 +206,11 @@ def print_sweep(
     console.print(table)
     if len(scores) > _ROWS:
         announce(f"the best {_ROWS} of {len(scores):,}; all are in summary.csv", console)
-    if picture is not None:
-        _print_path(console, "learning curves", picture)
 
 
-def _print_path(console: Console, name: str, path: Path) -> None:
-    announce(f"{name}: {_shown(path)}", console)
+def print_picture(name: str, path: Path, console: Console | None = None) -> None:
+    """Print the name and the path of a picture, to standard output by default."""
+    announce(f"{name}: {_shown(path)}", console or Console())
 
 
 def _shown(path: Path) -> str:

@@ -350,7 +350,7 @@ def test_no_overrides_at_all_bring_a_traceback(
         "run_batches",
         lambda batches, **others: ([1.0] * len(b) for b in batches),
     )
-    monkeypatch.setattr(Multirun, "_write_whole", lambda self: None)
+    monkeypatch.setattr(Multirun, "_write_whole", lambda self, first: None)
     status = fnnq_train(*QUIET, *arguments, *["-m"] * sweep)
     told = capsys.readouterr().err
     assert status in (0, 1, 2)

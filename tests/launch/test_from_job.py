@@ -42,7 +42,9 @@ def trained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Config]:
         "run_batches",
         lambda batches, **others: ([run_job(j.config, j.directory) for j in b] for b in batches),
     )
-    monkeypatch.setattr("fnnq_torchrl.launch.launcher.Multirun._write_whole", lambda self: None)
+    monkeypatch.setattr(
+        "fnnq_torchrl.launch.launcher.Multirun._write_whole", lambda self, first: None
+    )
     monkeypatch.chdir(tmp_path)
     return configs
 

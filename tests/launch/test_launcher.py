@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-import yaml
 
 from fnnq_torchrl.training import job as job_module
 from tests.commands import fnnq_train
@@ -291,39 +290,3 @@ def test_callbacks_come_in_pairs(
     callback = "+hydra.callbacks.noting._target_=noting.Noting"
     assert fnnq_train("seed=4,5", callback, f"hydra.sweep.dir={tmp_path}", "-m") == 0
     assert calls == [("start", 4, 0), ("end", 4, 4.0), ("start", 5, 1), ("end", 5, 5.0)]
-
-
-@pytest.mark.filterwarnings("ignore")  # the logger's dependencies warn
-def test_optuna_asks_for_batches(tmp_path: Path, batches: list[list[str]]) -> None:
-    pytest.importorskip("hydra_plugins.hydra_optuna_sweeper")
-    search = (
-        "hydra/sweeper=optuna",
-        "hydra.sweeper.direction=maximize",
-        "hydra.sweeper.sampler.seed=1",
-        "hydra.sweeper.n_trials=4",
-        "hydra.sweeper.n_jobs=2",
-        "alpha=tag(log,interval(0.05,1))",
-        "alpha_decay=interval(0.9,1)",
-        "lam=interval(0,1)",
-        "epsilon=interval(0,0.5)",
-    )
-    assert (
-        fnnq_train(
-            *search,
-            "num_seeds=3",
-            *QUICK,
-            "hydra.launcher.pictures_up_to=0",
-            f"hydra.sweep.dir={tmp_path}",
-            "-m",
-        )
-        == 0
-    )
-    assert batches == [["0", "1"], ["2", "3"]]
-    found = yaml.safe_load((tmp_path / "optimization_results.yaml").read_text())
-    trials = rows(tmp_path / "summary.csv")
-    best = max(trials, key=lambda row: float(row["mean_score"]))
-    assert found["best_value"] == float(best["mean_score"])
-    assert found["best_params"] == {
-        key: float(best[key]) for key in ("alpha", "alpha_decay", "lam", "epsilon")
-    }
-    assert {row["runs"] for row in trials} == {"3"}

@@ -26,7 +26,7 @@ def train(
 
     monkeypatch.setattr(job_module, "run_batches", run_batches)
     monkeypatch.setattr(job_module, "run_job", lambda config, _: trained.append(config.lam))
-    monkeypatch.setattr(Multirun, "_write_whole", lambda self: None)
+    monkeypatch.setattr(Multirun, "_write_whole", lambda self, first: None)
 
     def train(preset: str, *arguments: str) -> tuple[int, str, list[float]]:
         folder = tmp_path / "my" / "experiment"

@@ -90,7 +90,7 @@ def test_an_experiment_is_so_many_jobs_below_its_name(
     stub.run_batches = lambda batches, **others: (
         [taken.append((job.config, job.directory)) or 0.0 for job in batch] for batch in batches
     )
-    monkeypatch.setattr(Multirun, "_write_whole", lambda self: None)
+    monkeypatch.setattr(Multirun, "_write_whole", lambda self, first: None)
     monkeypatch.setitem(sys.modules, stub.__name__, stub)
     quiet = ("hydra/job_logging=none", "hydra/hydra_logging=none")
     arguments = (*quiet, f"+experiment={name}")

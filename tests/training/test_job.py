@@ -11,6 +11,7 @@ import torch
 
 from envs.robot.schemas import FollowOneSideConfig
 from fnnq_torchrl.agent.values import make_value_network
+from fnnq_torchrl.config.identity import ASIDE
 from fnnq_torchrl.config.schema import (
     ActionConfig,
     Config,
@@ -24,7 +25,7 @@ from fnnq_torchrl.engine.choice import choose_engine
 from fnnq_torchrl.training import job as job_module
 from fnnq_torchrl.training.batch import Batch
 from fnnq_torchrl.training.job import run_batches, run_job
-from fnnq_torchrl.training.jobs import ASIDE, Job
+from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.results import read_evaluations
 from fnnq_torchrl.training.resume.interruptions import Interrupted, Lost
 from fnnq_torchrl.training.resume.saved import SavedTraining

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from fnnq_torchrl.agent.rules.errors import RulesError
 from fnnq_torchrl.agent.rules.system import FuzzySystem
+from fnnq_torchrl.config.extras import installing
 
 Files = dict[str, bytes]
 
@@ -146,7 +147,7 @@ def _pt2(module: nn.Module, inputs: dict[str, Tensor], output: str) -> Files:
 
 def _onnx(module: nn.Module, inputs: dict[str, Tensor], output: str) -> Files:
     if find_spec("onnx") is None or find_spec("onnxscript") is None:
-        raise RulesError(".onnx needs further libraries: pip install 'fnnq_torchrl[onnx]'")
+        raise RulesError(f".onnx needs further libraries; {installing('onnx')}")
     exported = _export(module, inputs)
     log = logging.getLogger("torch.onnx")
     level = log.level

@@ -3,13 +3,14 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from fnnq_torchrl.config.identity import WHICH_RUNS
 from fnnq_torchrl.studies.experiments import HOW_IT_RUNS, Experiment, Job, NoResults
 from fnnq_torchrl.training.pictures.words import setting_words
 
 from .claims import Settings
 
 # These keys change the number of runs and how they are computed, not the runs themselves.
-_NO_DIFFERENCE = ("num_seeds", "seed", *HOW_IT_RUNS)
+_NO_DIFFERENCE = (*WHICH_RUNS, *HOW_IT_RUNS)
 
 
 class Pool:

@@ -11,12 +11,14 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from urllib.request import url2pathname
 
 # Before the import, which would start reporting the use of MLflow to its makers.
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 
 from mlflow.entities import Metric, Param
 from mlflow.tracking import MlflowClient
+from sqlalchemy.engine import URL, make_url
 
 from fnnq_torchrl.config.checking import flat
 from fnnq_torchrl.config.loggers import MlflowConfig
@@ -26,6 +28,9 @@ from .base import JobResults, Logger, Results, SweepResults
 
 logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)  # logs every new database
 logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # logs every retry
+
+_EXPERIMENT = "fnnq_torchrl"
+"""The experiment of a user who names none."""
 
 _METRICS_AT_ONCE = 1000
 """The most metrics that MLflow takes in one call."""
@@ -41,6 +46,8 @@ class MlflowLogger(Logger):
     def __init__(self, settings: MlflowConfig) -> None:
         self._uri = settings.tracking_uri or os.environ.get("MLFLOW_TRACKING_URI", "")
         self._experiment = settings.experiment
+        # Taken out of the environment: it names the MLflow run of one job, not those of many.
+        self._run = os.environ.pop("MLFLOW_RUN_ID", None)
         # MLflow's defaults are two minutes and seven retries.
         os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(math.ceil(settings.timeout_s)))
         os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "1")
@@ -57,19 +64,25 @@ class MlflowLogger(Logger):
             Metric(name, value, now_ms, situations[-1]) for name, value in job.scores.items()
         ]
         params = [Param(name, str(value)) for name, value in flat(job.settings).items()]
-        self._log(job, params, metrics)
+        run, self._run = (self._run, None) if job.job.sweep is None else (None, self._run)
+        self._log(job, params, metrics, run)
 
     def log_sweep(self, sweep: SweepResults) -> None:
         self._log(sweep, [], [])
 
-    def _log(self, results: Results, params: Sequence[Param], metrics: Sequence[Metric]) -> None:
-        """Log a job or a sweep as one MLflow run."""
-        uri = self._uri or f"sqlite:///{results.home.absolute() / 'mlflow.db'}"
+    def _log(
+        self,
+        results: Results,
+        params: Sequence[Param],
+        metrics: Sequence[Metric],
+        run: str | None = None,
+    ) -> None:
+        """Log a job or a sweep as one MLflow run, an existing one if its id is given."""
+        uri = self._uri or _database(results.home.absolute() / "mlflow.db")
         with alone_in(results.home):  # two processes must not make the database at once
             client = MlflowClient(tracking_uri=uri)
-            experiment = _experiment(client, uri, self._experiment)
-        run = client.create_run(experiment, tags={"group": results.group}, run_name=results.name)
-        key = run.info.run_id
+            experiment = "" if run else _experiment(client, uri, self._experiment)
+        key = run or _new_run(client, experiment, results)
         try:
             client.log_batch(key, params=params)
             for begin in range(0, len(metrics), _METRICS_AT_ONCE):
@@ -84,11 +97,44 @@ class MlflowLogger(Logger):
         client.set_terminated(key)
 
 
+def _new_run(client: MlflowClient, experiment: str, results: Results) -> str:
+    tags = {"group": results.group}
+    return client.create_run(experiment, tags=tags, run_name=results.name).info.run_id
+
+
+def _database(path: Path) -> str:
+    """Return the address of a database in a file.
+
+    Raises:
+        ValueError: if a name in the path isn't UTF-8, since MLflow would write elsewhere.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise ValueError(f"{str(path)!a}: the name of a directory isn't UTF-8") from error
+    # SQLite reads the file's URI, so no letter of a name is taken for another part of the address.
+    # With the driver named, MLflow makes no directories of the quoted name.
+    url = URL.create("sqlite+pysqlite", database=path.as_uri(), query={"uri": "true"})
+    return url.render_as_string()
+
+
 def _experiment(client: MlflowClient, uri: str, name: str) -> str:
-    """Return the id of the experiment with this name; make the experiment if there is none."""
+    """Return the id of an experiment; make it if there is none of its name.
+
+    Args:
+        client: the client of the database or the server.
+        uri: the address of that.
+        name: the name, or an empty text for the user's choice in MLflow's environment variables.
+    """
+    if not name and (chosen := os.environ.get("MLFLOW_EXPERIMENT_ID")):
+        return chosen
+    name = name or os.environ.get("MLFLOW_EXPERIMENT_NAME") or _EXPERIMENT
     if (found := client.get_experiment_by_name(name)) is not None:
         return found.experiment_id
     # Files beside the database; by default, MLflow puts them into the current directory.
-    _, is_sqlite, path = uri.partition("sqlite:///")
-    artifacts = (Path(path).absolute().parent / "mlartifacts").as_uri() if is_sqlite else None
+    artifacts = None
+    if uri.startswith("sqlite"):
+        database = make_url(uri).database or ""
+        path = Path(url2pathname(database.removeprefix("file://")))
+        artifacts = (path.absolute().parent / "mlartifacts").as_uri()
     return client.create_experiment(name, artifact_location=artifacts)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from fnnq_torchrl.config.extras import installing
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.terminal import announce
@@ -115,7 +116,6 @@ def _make(name: str, settings: Any) -> Logger:
     try:
         return LOGGERS[name](settings)
     except ImportError as error:
-        install = f"pip install 'fnnq_torchrl[{name}]'"
         raise ConfigError(
-            f"logger={name}: needs a library that isn't installed; {install}"
+            f"logger={name}: needs a library that isn't installed; {installing(name)}"
         ) from error

@@ -18,6 +18,7 @@ import wandb
 from wandb.errors import AuthenticationError, CommError
 from wandb.sdk.lib import wbauth
 
+from fnnq_torchrl.config.identity import JobRuns, RunsSoFar
 from fnnq_torchrl.config.loggers import WandbConfig
 from fnnq_torchrl.config.runs import Runs
 from fnnq_torchrl.config.schema import ConfigError
@@ -37,6 +38,24 @@ _RUN_S = 0.05
 _MANY = 100
 """The number of wandb runs above which a line says how long logging them takes."""
 
+_PROJECT = "fnnq_torchrl"
+"""The project of a user who names none."""
+
+_OF_ONE_RUN = {
+    "WANDB_RUN_ID": "run_id",
+    "WANDB_NAME": "run_name",
+    "WANDB_RESUME": "resume",
+    "WANDB_SWEEP_ID": "sweep_id",
+    "WANDB_SWEEP_PARAM_PATH": "sweep_param_path",
+}
+"""The environment variables that describe a single wandb run, and wandb's settings for them.
+
+A sweep agent of wandb sets them for the run that it starts.
+"""
+
+_OLD_MODES = {"dryrun": "offline", "run": "online"}
+"""The names of modes that wandb still takes, and those that it now has for them."""
+
 
 class WandbLogger(Logger):
     """A logger to wandb's server or, without a login or a server, to files beside the jobs.
@@ -51,9 +70,16 @@ class WandbLogger(Logger):
 
     def __init__(self, settings: WandbConfig) -> None:
         self._settings = settings
+        # Taken out of the environment: wandb would give them to all runs of this process.
+        found = {each: os.environ.pop(name, None) for name, each in _OF_ONE_RUN.items()}
+        self._own = {each: value for each, value in found.items() if value}
         self._mode = _mode(settings.mode)
+        self._users = wandb.setup().settings  # from the environment and wandb's files
+        self._logged = RunsSoFar()
 
     def prepare(self, jobs: Sequence[Job]) -> None:
+        if self._mode == "disabled":
+            return
         per = self._settings.per
         if per == "sweep" and any(job.config.logger.video and job.sweep for job in jobs):
             announce("wandb: no videos, since logger.wandb.per=sweep logs no jobs of a sweep")
@@ -66,17 +92,24 @@ class WandbLogger(Logger):
             )
 
     def log_job(self, job: JobResults) -> None:
+        if self._mode == "disabled":
+            return
         if self._settings.per == "run":
+            identities = JobRuns.of(job.job.config)
+            new = {*self._logged.add(identities)}
             columns = Runs.of([job.job.config]).columns
             values = {key: column.tolist() for key, column in columns.items()}
             with ThreadPoolExecutor(_AT_ONCE) as pool:
-                runs = range(job.evaluations.runs)
+                runs = [run for run, seed in enumerate(identities.seeds) if seed in new]
                 [*pool.map(lambda run: self._log_run(job, values, run), runs)]
         elif self._settings.per == "job" or job.job.sweep is None:
             self._log_whole(job)
 
     def log_sweep(self, sweep: SweepResults) -> None:
-        with self._wandb_run(sweep, sweep.name, {}, "sweep") as log:
+        if self._mode == "disabled":
+            return
+        is_only = self._settings.per == "sweep"
+        with self._wandb_run(sweep, sweep.name, {}, is_only, job_type="sweep") as log:
             log.log(_images(sweep.pictures) | {"jobs": _table_of(sweep.directory / "summary.csv")})
             _save(log, sweep.tables)
 
@@ -96,7 +129,8 @@ class WandbLogger(Logger):
         config = job.settings | {key: column[run] for key, column in values.items()}
         del config["num_seeds"]
         name = f"seed={config['seed']} lam={config['lam']:g}"
-        with self._wandb_run(job, name, config) as log:
+        is_only = job.job.sweep is None and job.evaluations.runs == 1
+        with self._wandb_run(job, name, config, is_only) as log:
             _log_rows(log, job.columns(run))
             for key in ("mean_score", "final_score"):
                 log.summary[key] = float(getattr(job.evaluations, key)[run])
@@ -107,7 +141,7 @@ class WandbLogger(Logger):
         """Log a job's learning curve with its interval, and a table of its runs."""
         situations = job.evaluations.situations.tolist()
         score = {name: column for name, column in job.curve.items() if name.startswith("score")}
-        with self._wandb_run(job, job.name, job.settings) as log:
+        with self._wandb_run(job, job.name, job.settings, job.job.sweep is None) as log:
             _log_rows(log, {"situations": situations} | job.curve)
             band = wandb.plot.line_series(
                 situations, [*score.values()], [*score], "score", "situations"
@@ -119,17 +153,26 @@ class WandbLogger(Logger):
 
     @contextmanager
     def _wandb_run(
-        self, results: Results, name: str, config: Mapping[str, Any], job_type: str = ""
+        self,
+        results: Results,
+        name: str,
+        config: Mapping[str, Any],
+        is_only: bool,
+        job_type: str = "train",
     ) -> Iterator[wandb.Run]:
-        settings = self._settings
+        """Return a wandb run for a block; the only one of a command has the user's id and name."""
+        settings, users = self._settings, self._users
+        own: dict[str, Any] = {"run_name": name}
+        if is_only:
+            own |= self._own
+            self._own = {}
         log = self._init(
             dir=results.directory,
-            project=settings.project,
+            project=settings.project or users.project or _PROJECT,
             entity=settings.entity or None,
-            group=settings.group or results.group,
-            job_type=job_type or settings.job_type,
-            tags=settings.tags,
-            name=name,
+            group=settings.group or users.run_group or results.group,
+            job_type=settings.job_type or users.run_job_type or job_type,
+            tags=settings.tags or None,
             config=dict(config),
             reinit="create_new",  # by default, two runs at once become one
             settings=wandb.Settings(
@@ -140,6 +183,7 @@ class WandbLogger(Logger):
                 init_timeout=settings.timeout_s,
                 finish_timeout=settings.timeout_s,
                 finish_timeout_raises=True,
+                **own,
             ),
         )
         try:  # not `with log`, which prints a traceback
@@ -186,6 +230,7 @@ def _mode(asked: str) -> Any:
     key, mode = "logger.wandb.mode", asked
     if asked == "auto":
         key, mode = "WANDB_MODE", os.environ.get("WANDB_MODE", "")
+    mode = _OLD_MODES.get(mode, mode)
     if mode == "online" and not logged_in:
         raise ConfigError(
             f"{key}=online: nobody is logged in; run `wandb login` or set WANDB_API_KEY"

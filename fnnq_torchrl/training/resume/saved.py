@@ -9,10 +9,11 @@ import torch
 from torch import Tensor
 
 from envs.core.registry import is_own, source_of
+from fnnq_torchrl.config.identity import ASIDE
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.files.plain import read_plain, write_plain
 from fnnq_torchrl.training.batch import Batch
-from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE, TRAINING
+from fnnq_torchrl.training.jobs import BATCHABLE, TRAINING
 from fnnq_torchrl.training.resume.keeper import Hand
 from fnnq_torchrl.training.resume.ledger import Ledger
 

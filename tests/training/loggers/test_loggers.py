@@ -7,6 +7,7 @@ from typing import ClassVar
 import pytest
 from PIL import Image
 
+from fnnq_torchrl.config.extras import installing
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training import drawing, watching
@@ -172,7 +173,7 @@ def test_a_missing_library_is_one_line_before_training(
     monkeypatch.setitem(sys.modules, f"fnnq_torchrl.training.loggers.{name}", None)
     assert fnnq_train(*QUICK, f"logger=[csv,{name}]", f"hydra.run.dir={tmp_path}") == 2
     assert capfd.readouterr().err == (
-        f"logger={name}: needs a library that isn't installed; pip install 'fnnq_torchrl[{name}]'\n"
+        f"logger={name}: needs a library that isn't installed; {installing(name)}\n"
     )
     assert not (tmp_path / "evaluations.csv").exists()
 

@@ -59,6 +59,37 @@ def test_jobs_and_their_sweep_are_in_one_database(
     assert [path.name for path in tmp_path.iterdir()] == ["sweep"]
 
 
+def test_what_the_environment_says_is_heeded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run that is named in it is that of a job alone, and not of many."""
+    monkeypatch.chdir(tmp_path)
+    uri = f"sqlite:///{tmp_path / 'own.db'}"
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    monkeypatch.setenv("MLFLOW_EXPERIMENT_NAME", "theirs")
+    from mlflow.tracking import MlflowClient
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        client = MlflowClient(uri)
+        made = client.create_experiment("made")
+        run = client.create_run(made).info.run_id
+        monkeypatch.setenv("MLFLOW_RUN_ID", run)
+        alone = write_job(tmp_path / "alone", "logger=mlflow")
+        jobs = [write_job(tmp_path / n, "logger=mlflow", sweep=tmp_path) for n in "01"]
+        typed = write_job(tmp_path / "2", "logger=mlflow", "logger.mlflow.experiment=typed")
+        loggers = Loggers()
+        for job in (*jobs, alone, typed):
+            loggers.log_job(job)
+        assert not loggers.left_out
+        assert "final_score" in client.get_run(run).data.metrics
+        counts = {
+            each.name: len(client.search_runs([each.experiment_id]))
+            for each in client.search_experiments()
+        }
+    assert counts == {"Default": 0, "made": 1, "theirs": 2, "typed": 1}
+
+
 def test_a_server_that_is_gone_is_told_of_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

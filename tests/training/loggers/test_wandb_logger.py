@@ -21,7 +21,9 @@ from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.loggers import JobResults, Loggers, SweepResults
 from fnnq_torchrl.training.loggers import wandb as wandb_module
 from fnnq_torchrl.training.results import EVALUATION_COLUMNS
+from tests.commands import fnnq_train
 from tests.job_files import keys_read, write_job
+from tests.programs import SMALL_WORLD
 from tests.training.loggers.wandb_files import WandbRun, read_wandb_runs
 
 KEY = "0" * 40
@@ -203,6 +205,103 @@ def test_online_for_who_is_logged_in(
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
     assert wandb_module._mode(asked) == mode
+
+
+USERS = {
+    "WANDB_PROJECT": "theirs",
+    "WANDB_RUN_GROUP": "their group",
+    "WANDB_JOB_TYPE": "their type",
+    "WANDB_TAGS": "one,two",
+    "WANDB_NAME": "their name",
+    "WANDB_RUN_ID": "their1id",
+    "WANDB_SWEEP_ID": "their1sweep",
+}
+
+
+@pytest.fixture
+def users_variables(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    for name, value in (USERS | {"WANDB_MODE": "offline"}).items():
+        monkeypatch.setenv(name, value)
+    wandb.teardown()  # ends the process, which has read the environment
+    yield
+    wandb.teardown()
+
+
+@pytest.mark.usefixtures("users_variables")
+def test_what_the_environment_says_is_heeded(tmp_path: Path) -> None:
+    [run] = logged(write_job(tmp_path / "a", "num_seeds=2", "logger=wandb"))
+    assert (run.project, run.group, run.job_type) == ("theirs", "their group", "their type")
+    assert (run.name, run.id, run.sweep_id) == ("their name", "their1id", "their1sweep")
+    assert run.tags == ["one", "two"]
+
+
+@pytest.mark.usefixtures("users_variables")
+def test_the_command_line_takes_precedence_over_the_environment(tmp_path: Path) -> None:
+    typed = {"project": "mine", "group": "my group", "job_type": "my type", "tags": "[mine]"}
+    overrides = [f"logger.wandb.{key}={value}" for key, value in typed.items()]
+    [run] = logged(write_job(tmp_path / "a", "logger=wandb", *overrides))
+    found = (run.project, run.group, run.job_type, run.tags)
+    assert found == ("mine", "my group", "my type", ["mine"])
+
+
+@pytest.mark.usefixtures("users_variables")
+def test_what_names_one_run_is_not_given_to_many(tmp_path: Path) -> None:
+    jobs = [write_job(tmp_path / n, "logger=wandb", sweep=tmp_path) for n in "01"]
+    jobs += [write_job(tmp_path / "2", "logger=wandb", "logger.wandb.per=run", "num_seeds=2")]
+    runs = [run for job in jobs for run in logged(job)]
+    names = [f"{tmp_path.name}/0", f"{tmp_path.name}/1", "seed=0 lam=0.2", "seed=1 lam=0.2"]
+    assert sorted(run.name for run in runs) == sorted(names)
+    assert len({run.id for run in runs} - {"their1id"}) == 4
+    assert {run.sweep_id for run in runs} == {""}
+    assert {run.project for run in runs} == {"theirs"}
+
+
+@pytest.mark.parametrize("how", ["logger.wandb.mode=disabled", "WANDB_MODE"])
+def test_disabled_logs_nothing_and_says_nothing(
+    how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    if how == "WANDB_MODE":
+        monkeypatch.setenv("WANDB_MODE", "disabled")
+        wandb.teardown()
+    mode = [how] if "=" in how else []
+    job = write_job(tmp_path / "0", "num_seeds=2", "logger=wandb", *mode)
+    with closing(Loggers()) as loggers:
+        loggers.prepare([job])
+        loggers.log_job(job)
+        loggers.log_sweep(SweepResults(tmp_path, [job]))
+    assert not loggers.left_out
+    assert read_wandb_runs(job.directory) == []
+    assert capfd.readouterr().err == ""
+
+
+def test_runs_that_jobs_share_are_logged_once(tmp_path: Path) -> None:
+    chosen = ("num_seeds=3", "logger=wandb", "logger.wandb.per=run")
+    jobs = [write_job(tmp_path / s, f"seed={s}", *chosen, sweep=tmp_path) for s in "01"]
+    with closing(Loggers()) as loggers:
+        for job in jobs:
+            loggers.log_job(job)
+    runs = [run.config["seed"] for job in jobs for run in read_wandb_runs(job.directory)]
+    assert sorted(runs) == [0, 1, 2, 3]
+
+
+def test_a_sweep_agent_starts_a_run_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What wandb's agent does: it sets the run's id, and types the values in either form."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("WANDB_MODE", "offline")
+    for run_id, values in (("run1", ["alpha=0.1"]), ("run2", ["--alpha=0.2", "--lam=0.3"])):
+        monkeypatch.setenv("WANDB_SWEEP_ID", "asweep")
+        monkeypatch.setenv("WANDB_RUN_ID", run_id)
+        wandb.teardown()
+        where = f"hydra.run.dir={run_id}"
+        quick = (*SMALL_WORLD, "situations=5", "engine=eager", "num_seeds=2")
+        assert fnnq_train("logger=wandb", *values, *quick, where) == 0
+        [run] = read_wandb_runs(tmp_path / run_id)
+        assert (run.id, run.sweep_id, run.name) == (run_id, "asweep", run_id)
+        assert run.config["alpha"] == float(values[0].rpartition("=")[2])
+        assert "mean_score" in run.summary
+    wandb.teardown()
 
 
 def test_wandb_offline_is_heeded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -14,6 +14,9 @@ _FULL, _LAST = 1, 4
 class WandbRun(NamedTuple):
     """One run in wandb, with its values decoded from JSON."""
 
+    id: str
+    sweep_id: str
+    project: str
     group: str
     job_type: str
     name: str
@@ -46,8 +49,8 @@ def read_wandb_run(path: Path) -> WandbRun:
             exit_code = record.exit.exit_code
     config = _values(run.config.update)
     config.pop("_wandb", None)
-    names = run.run_group, run.job_type, run.display_name, list(run.tags)
-    return WandbRun(*names, config, history, summary, files, exit_code)
+    about = run.run_id, run.sweep_id, run.project, run.run_group, run.job_type, run.display_name
+    return WandbRun(*about, list(run.tags), config, history, summary, files, exit_code)
 
 
 def _values(items: Any) -> dict[str, Any]:
