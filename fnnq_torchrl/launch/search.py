@@ -240,10 +240,11 @@ def _distribution(override: Override) -> BaseDistribution:
     is_log = "log" in getattr(sweep, "tags", ())
     try:
         if isinstance(sweep, IntervalSweep):
-            ends: list[Any] = [sweep.start, sweep.end]
-            if all(isinstance(end, int) for end in ends):
-                return IntDistribution(*ends, log=is_log)
-            return FloatDistribution(*ends, log=is_log)
+            low: Any = sweep.start
+            high: Any = sweep.end
+            if isinstance(low, int) and isinstance(high, int):
+                return IntDistribution(low, high, log=is_log)
+            return FloatDistribution(low, high, log=is_log)
         texts = list(override.sweep_string_iterator())
         if not texts:
             raise ValueError("must have at least one value to sweep")
