@@ -108,13 +108,14 @@ class Search:
         self._directory.mkdir(parents=True, exist_ok=True)
         OmegaConf.save(self._config, self._directory / "multirun.yaml")
         points = _grid(self._space) if self._settings.sampler == "grid" else None
+        direction: Any = self._settings.direction
         with self._database():
             self._study = optuna.create_study(
                 storage=self._settings.storage or None,
                 study_name=self._settings.study_name,
                 sampler=self._sampler(),
                 pruner=optuna.pruners.NopPruner(),
-                direction=self._settings.direction,
+                direction=direction,
                 load_if_exists=True,
             )
             if points is not None:
@@ -239,9 +240,11 @@ def _distribution(override: Override) -> BaseDistribution:
     is_log = "log" in getattr(sweep, "tags", ())
     try:
         if isinstance(sweep, IntervalSweep):
-            if isinstance(sweep.start, int) and isinstance(sweep.end, int):
-                return IntDistribution(sweep.start, sweep.end, log=is_log)
-            return FloatDistribution(sweep.start, sweep.end, log=is_log)
+            low: Any = sweep.start
+            high: Any = sweep.end
+            if isinstance(low, int) and isinstance(high, int):
+                return IntDistribution(low, high, log=is_log)
+            return FloatDistribution(low, high, log=is_log)
         texts = list(override.sweep_string_iterator())
         if not texts:
             raise ValueError("must have at least one value to sweep")
