@@ -32,7 +32,7 @@ ROOMS = [
 ONLY_IN = {
     "gymnasium": ["envs.gymnasium", "fnnq_torchrl.launch.registration"],
     "hydra": ["fnnq_torchrl.launch", "hydra_plugins"],
-    "matplotlib": ["envs.pictures"],
+    "matplotlib": ["envs.pictures", "fnnq_torchrl.training.pictures.search"],
     "submitit": ["fnnq_torchrl.launch.cluster"],
     "mlflow": ["fnnq_torchrl.training.loggers.mlflow"],
     "optuna": ["fnnq_torchrl.launch.search", "fnnq_torchrl.training.pictures.search"],

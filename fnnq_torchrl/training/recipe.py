@@ -6,8 +6,9 @@ from typing import Any
 
 from envs.core.parameters import Parameters
 from envs.core.registry import is_own
+from fnnq_torchrl.config.identity import ASIDE
 from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.training.jobs import ASIDE, BATCHABLE
+from fnnq_torchrl.training.jobs import BATCHABLE
 
 _NOT_OF_THE_STEP = (*ASIDE, *BATCHABLE, "engine", "situations")
 """Keys whose values are inputs of a step, or no part of it."""

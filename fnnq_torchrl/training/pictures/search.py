@@ -3,12 +3,16 @@
 import warnings
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from optuna import Study
-from optuna.visualization import matplotlib as plots
 
-from .style import own_style, save
+from envs.pictures import own_style
+
+from .style import save
+
+# After envs.pictures, which copes with settings that make the import of Matplotlib fail.
+import matplotlib  # isort: skip
+from optuna.visualization import matplotlib as plots  # isort: skip
 
 matplotlib.use("agg")  # Optuna draws with pyplot, which would load the user's backend
 
