@@ -1,5 +1,11 @@
 """The registry of the worlds' schemas by kind, without torch."""
 
+from envs.classic.schemas import (
+    AcrobotConfig,
+    CartPoleConfig,
+    MountainCarConfig,
+    RandomWalkConfig,
+)
 from envs.core.world import WorldConfig
 from envs.robot.schemas import (
     FollowBallConfig,
@@ -9,8 +15,12 @@ from envs.robot.schemas import (
 )
 
 SCHEMAS: dict[str, type[WorldConfig]] = {
+    "acrobot": AcrobotConfig,
+    "cart_pole": CartPoleConfig,
     "follow_ball": FollowBallConfig,
     "follow_obstacles": FollowObstaclesConfig,
     "follow_one_side": FollowOneSideConfig,
+    "mountain_car": MountainCarConfig,
+    "random_walk": RandomWalkConfig,
     "wander": WanderConfig,
 }

@@ -41,6 +41,11 @@ class WorldConfig(Parameters, ABC):
         """The range of each observation, by name; a range may be infinite."""
 
     @property
+    def usual(self) -> Mapping[str, Range]:
+        """The range of each observation that tiles and even labels cover; by default all of it."""
+        return self.observations
+
+    @property
     @abstractmethod
     def actions(self) -> Range | int:
         """The range of the action, or the number of actions in a fixed set, with indices from 0."""

@@ -34,7 +34,9 @@ class Learner:
       ``diverged``, whether |Q| has become too large, after which the run counts no more steps;
       ``over``, whether the run has ended; and ``snapshot``, the weights and counts at the time
       when an evaluation was last due; and, if counted, ``fired``, the rules' firing strengths
-      ∂Q(s, a)/∂w, summed over the steps that the run has learned from.
+      ∂Q(s, a)/∂w, summed over the steps that the run has learned from. If earnings are counted,
+      both ``state`` and ``snapshot`` have ``earned``: the sum of rewards (``return``) and the
+      number of successes since the snapshot before.
 
     Args:
         env: the world, with the runs as its batch.
@@ -49,6 +51,7 @@ class Learner:
             the network's parameters. Parameters without an entry learn.
         count_firing: add up ``fired``; for a network whose parameter ``weight`` holds the rules'
             consequents.
+        count_earned: add up ``earned``, for learning without tests.
 
     Raises:
         ValueError: if there is no such policy.
@@ -66,6 +69,7 @@ class Learner:
         largest_value: float,
         learns: Mapping[str, Tensor] | None = None,
         count_firing: bool = False,
+        count_earned: bool = False,
     ) -> None:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # `step` sets the amount
@@ -73,7 +77,7 @@ class Learner:
         self.step_size = step_size
         self.evaluate_every = evaluate_every
         self._update = Update(self.loss, rule)
-        self._count_firing = count_firing
+        self._count_firing, self._count_earned = count_firing, count_earned
         like = value_network.candidates
         masks = (learns or {}).items()
         self._learns = {name: mask.unsqueeze(-1).to(like) for name, mask in masks}
@@ -87,6 +91,7 @@ class Learner:
         zero = torch.zeros_like(run["seed"])  # cloned, because entries must not share memory
         batch = {"batch_size": runs, "device": run.device}
         counted = {"fired": torch.zeros_like(weights["weight"])} if self._count_firing else {}
+        earned = self._nothing_earned(run)
         return TensorDict(
             {
                 "world": self.env.start(run["seed"].clone(), zero.clone()),
@@ -102,10 +107,12 @@ class Learner:
                         "weights": TensorDict({k: _copy(w) for k, w in weights.items()}, **batch),
                         "situations": zero.clone(),
                         "steps": zero.clone(),
+                        **self._nothing_earned(run),
                     },
                     **batch,
                 ),
                 **counted,
+                **earned,
             },
             **batch,
         )
@@ -169,6 +176,7 @@ class Learner:
         # Every weight is selected by `due`, a number because a compiled loop loads booleans slowly.
         now = situations == snapshot["situations"] + self.evaluate_every
         due = now.to(transition["action_value"].dtype)
+        earned, earned_before = self._earned(state, transition["next"], due)
         return {
             "situations": situations,
             "steps": steps,
@@ -179,9 +187,33 @@ class Learner:
                     "weights": _where(due, weights, snapshot["weights"]),
                     "situations": torch.where(due > 0, situations, snapshot["situations"]),
                     "steps": torch.where(due > 0, steps, snapshot["steps"]),
+                    **earned_before,
                 }
             ),
+            **earned,
         }
+
+    def _nothing_earned(self, run: TensorDictBase) -> dict[str, TensorDict]:
+        """Return ``earned`` before the first step; empty if it isn't counted."""
+        if not self._count_earned:
+            return {}
+        zeros = {"return": torch.zeros_like(run["alpha"]), "success": torch.zeros_like(run["seed"])}
+        return {"earned": TensorDict(zeros, run.batch_size, device=run.device)}
+
+    def _earned(
+        self, state: TensorDictBase, after: TensorDictBase, due: Tensor
+    ) -> tuple[dict[str, TensorDict], dict[str, TensorDict]]:
+        """Return ``earned`` of the state and of the snapshot after a step, where it is counted."""
+        if not self._count_earned:
+            return {}, {}
+        new = {"return": after["reward"], "success": after["success"].to(torch.int64)}
+        so_far = {key: state["earned", key] + new[key] for key in new}
+        kept = {
+            key: torch.where(due > 0, sum_, state["snapshot", "earned", key])
+            for key, sum_ in so_far.items()
+        }
+        so_far = {key: torch.where(due > 0, 0, sum_) for key, sum_ in so_far.items()}
+        return {"earned": TensorDict(so_far)}, {"earned": TensorDict(kept)}
 
     def _fired(self, state: TensorDictBase, slope: Weights) -> Tensor:
         """Return ``fired`` after a step; it doesn't change for a run that is over."""

@@ -5,7 +5,7 @@ so that errors are reported before those libraries are loaded.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any
 
@@ -73,10 +73,13 @@ class MachineConfig(Parameters):
 
 @dataclass
 class EvaluationConfig(Parameters):
-    """The interval between tests, and their fixed starts or number of random starts."""
+    """The interval between tests, and their fixed starts or number of random starts.
 
-    every: int = whole(1)
-    situations: Any = whole_or_rows(1, "start")
+    Without tests (``situations`` is 0), the scores are those of the situations learned from.
+    """
+
+    every: Any = or_null(whole(1))
+    situations: Any = whole_or_rows(0, "start")
 
     @property
     def fixed(self) -> list[list[float]] | None:
@@ -134,6 +137,8 @@ class Config(Parameters):
     def __post_init__(self) -> None:
         if isinstance(self.value, ValueConfig) and isinstance(self.env, WorldConfig):
             self.value = self.value.in_world(self.env)
+        if isinstance(self.evaluation, EvaluationConfig) and self.evaluation.every is None:
+            self.evaluation = replace(self.evaluation, every=self.situations)
         check(self)
 
     @property
@@ -145,7 +150,9 @@ class Config(Parameters):
     @property
     def best_score(self) -> int | None:
         """The highest possible score of a test that counts successes; None for other measures."""
-        return self.evaluation.tests if self.env.tested.measure == "successes" else None
+        if self.env.tested.measure != "successes":
+            return None
+        return self.evaluation.tests or int(self.evaluation.every)
 
     def contradictions(self) -> Iterator[OutOfRange]:
         """Yield an error for each value that conflicts with another."""

@@ -17,7 +17,7 @@ from envs.schemas import SCHEMAS as WORLDS
 from envs.worlds import WORLDS as CLASSES
 from fnnq_torchrl.agent.values import NETWORKS
 from fnnq_torchrl.config.checking import UnknownKey, ranges_of, to_config
-from fnnq_torchrl.config.choices import config_directory
+from fnnq_torchrl.config.choices import choices_of, config_directory
 from fnnq_torchrl.config.runs import Runs
 from fnnq_torchrl.config.schema import PER_RUN, Config, ConfigError
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
@@ -123,8 +123,8 @@ def test_the_defaults_are_the_papers_and_spec(default):
 
 def with_task(choice: str) -> tuple[str, ...]:
     """A choice, with its own task if it is a world that wants another test than the default's."""
-    kind = choice.removeprefix("env=")
-    return (choice, f"task={kind}") if kind in ("follow_obstacles", "wander") else (choice,)
+    tasks = [task for task in choices_of("task") if choice.startswith(f"env={task}")]
+    return (choice, f"task={max(tasks, key=len)}") if tasks else (choice,)
 
 
 @pytest.mark.parametrize("choice", CHOICES.values())
@@ -205,8 +205,8 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             "env.kind=maze",
-            "env.kind=maze: must be follow_ball, follow_obstacles, follow_one_side, wander or your "
-            "own module:Class",
+            "env.kind=maze: must be acrobot, cart_pole, follow_ball, follow_obstacles, "
+            "follow_one_side, mountain_car, random_walk, wander or your own module:Class",
         ),
         ("env.kind=nowhere:Maze", "env.kind=nowhere:Maze: No module named 'nowhere'"),
         (
@@ -245,7 +245,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         (
             "evaluation.situations=[]",
             "evaluation.situations=[]: must be a list of at least one start [number, …], "
-            "or a whole number >= 1",
+            "or a whole number >= 0",
         ),
         (
             "evaluation.situations=[[0.1]]",
@@ -257,7 +257,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ("lam=true", "lam=True: must be a number in [0, 1]"),
         ("alpha=-1", "alpha=-1.0: must be a number in [0, inf)"),
         ("seed=-1", "seed=-1: must be a whole number >= 0"),
-        ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1"),
+        ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1, or null"),
         ("evaluation.every=3", "situations=200: must be a whole multiple of evaluation.every=3"),
         ("situations=0", "situations=0: must be a whole number >= 1"),
         (
