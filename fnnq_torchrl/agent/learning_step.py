@@ -27,16 +27,17 @@ class Learner:
 
     * ``run`` never changes. Its entries, each ``[runs, 1]``, are ``seed``, ``lam``, ``alpha``,
       ``alpha_decay``, ``gamma``, ``kappa`` if the step size needs it, the amount of exploration
-      under its own name, such as ``epsilon``, and ``situations``, the number to learn from.
+      under its own name, such as ``epsilon``, and ``situations``, the number to learn from. If ε is
+      annealed, there are ``epsilon_final`` and ``epsilon_over``, too.
     * ``state`` is replaced by every step. Its entries are ``world``, the environment's state;
-      ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the current
-      step size; ``situations`` and ``steps``, the numbers of those learned from so far;
-      ``diverged``, whether |Q| has become too large, after which the run counts no more steps;
-      ``over``, whether the run has ended; and ``snapshot``, the weights and counts at the time
-      when an evaluation was last due; and, if counted, ``fired``, the rules' firing strengths
-      ∂Q(s, a)/∂w, summed over the steps that the run has learned from. If earnings are counted,
-      both ``state`` and ``snapshot`` have ``earned``: the sum of rewards (``return``) and the
-      number of successes since the snapshot before.
+      ``weights`` and ``trace``, by the names of the network's parameters; ``action``, the next
+      action, if the variant chooses it before the update; ``alpha``, the current step size;
+      ``situations`` and ``steps``, the numbers of those learned from so far; ``diverged``, whether
+      |Q| has become too large, after which the run counts no more steps; ``over``, whether the run
+      has ended; and ``snapshot``, the weights and counts at the time when an evaluation was last
+      due. If counted, there are ``fired``, the rules' firing strengths ∂Q(s, a)/∂w, summed over the
+      steps that the run has learned from, and, in both ``state`` and ``snapshot``, ``earned``: the
+      sum of rewards (``return``) and the number of successes since the snapshot before.
 
     Args:
         env: the world, with the runs as its batch.
@@ -73,7 +74,7 @@ class Learner:
     ) -> None:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # `step` sets the amount
-        self.loss = PengQLambdaLoss(value_network, gamma=1.0)
+        self.loss = PengQLambdaLoss(value_network, gamma=1.0, bootstrap=rule.variant.bootstrap)
         self.step_size = step_size
         self.evaluate_every = evaluate_every
         self._update = Update(self.loss, rule)
@@ -91,6 +92,8 @@ class Learner:
         zero = torch.zeros_like(run["seed"])  # cloned, because entries must not share memory
         batch = {"batch_size": runs, "device": run.device}
         counted = {"fired": torch.zeros_like(weights["weight"])} if self._count_firing else {}
+        if self._chooses_ahead:
+            counted["action"] = torch.zeros_like(run["alpha"])
         earned = self._nothing_earned(run)
         return TensorDict(
             {
@@ -125,17 +128,37 @@ class Learner:
         the next one replaces it, which takes at least ``fewest_steps · evaluate_every`` steps
         (:class:`envs.core.world.WorldConfig`).
         """
-        amount, decay = run[self.policy.amount_name], run["gamma"] * run["lam"]
-        transition = self.env.step(act(self.policy, state["weights"], amount, state["world"]))
-        after = transition["next"]
+        amount, decay = self.policy.amount(run, state["steps"]), run["gamma"] * run["lam"]
+        world = act(self.policy, state["weights"], amount, state["world"])
+        if self._chooses_ahead:
+            first = state["world", "step"] == 0
+            world["action"] = torch.where(first, world["action"], state["action"])
+        transition = self.env.step(world)
+        after = transition["next"].update(self._ahead(state, amount, transition["next"]))
         slope, losses = self._slope(state["weights"], run["gamma"], transition)
-        direction, trace = self._update.update(transition, losses, slope, state["trace"], decay)
+        of_all = self._slope_of_all(state["weights"], transition)
+        direction, trace = self._update.update(
+            transition,
+            losses,
+            slope,
+            state["trace"],
+            decay,
+            alpha=state["alpha"],
+            of_all=of_all,
+        )
         kappa = run.get("kappa", None)
         step, alpha = self.step_size.update(
             per_run(state["alpha"]),
             None if kappa is None else per_run(kappa),
             Direction(
-                partial(self._update.present_trace, transition, slope, state["trace"], decay),
+                partial(
+                    self._update.present_trace,
+                    transition,
+                    slope,
+                    state["trace"],
+                    decay,
+                    of_all=of_all,
+                ),
                 partial(self._update.largest_error, losses),
                 partial(self._error_slope, state["weights"], run["gamma"], slope, after),
             ),
@@ -147,6 +170,8 @@ class Learner:
         }
         alpha = decayed(alpha, per_run(run["alpha_decay"]), per_run(after["success"]))
         counted = {"fired": self._fired(state, slope)} if self._count_firing else {}
+        if self._chooses_ahead:
+            counted["action"] = after["action"]
         return TensorDict(
             {
                 "world": self.env.restart(after),
@@ -159,6 +184,26 @@ class Learner:
             batch_size=state.batch_size,
             device=state.device,
         )
+
+    @property
+    def _chooses_ahead(self) -> bool:
+        return self._update.rule.variant.bootstrap == "chosen"
+
+    def _ahead(
+        self, state: TensorDictBase, amount: Tensor, after: TensorDictBase
+    ) -> dict[str, Tensor]:
+        """Return the entries of the next state that the loss needs to bootstrap, if any.
+
+        The weights are those before the update.
+        """
+        if self.loss.bootstrap == "best":
+            return {}
+        ahead = act(self.policy, state["weights"], amount, after)
+        if self.loss.bootstrap == "chosen":
+            return {"action": ahead["action"]}
+        values = ahead["action_value"].movedim(-1, 0)
+        probabilities = self.policy.probabilities(values, per_run(amount))
+        return {"action_probability": probabilities.movedim(0, -1)}
 
     def _counts(
         self,
@@ -234,23 +279,43 @@ class Learner:
             losses = functional_call(self.loss, overrides | {"gamma": gamma}, (transition,))
             # A run's Q depends on its own weights alone, so the sum has each run's own gradient.
             total = losses["chosen_action_value"].sum()
-            return total, {key: losses[key] for key in ("td_error", "chosen_td_error")}
+            kept = ("td_error", "chosen_td_error", "chosen_action_value", "next_value")
+            return total, {key: losses[key].detach() for key in kept}
 
         return gradient(chosen_value, dict(weights.items()))
+
+    def _slope_of_all(
+        self, weights: Weights, transition: TensorDictBase
+    ) -> dict[str, Tensor] | None:
+        """Return each run's ∇ΣQ(s, ·) over all candidates; None if the trace doesn't need it."""
+        if not self._update.rule.trace.clears:
+            return None
+        network = self.policy.value_network
+
+        def every_value(weights: dict[str, Tensor]) -> tuple[Tensor, None]:
+            observations = tuple(transition[key] for key in network.in_keys)
+            return functional_call(network, weights, observations).sum(), None
+
+        return gradient(every_value, dict(weights.items()))[0]
 
     def _error_slope(
         self, weights: Weights, gamma: Tensor, slope: Weights, after: TensorDictBase
     ) -> list[Tensor]:
         """Return ∇δ′ = γ∇V(s′) − ∇Q(s, a), tensors ``[*weights, runs]``.
 
-        ∇V is 0 if s′ ends the task, and the mean of the actions' gradients if several are best.
+        ∇V is 0 if s′ ends the task; of a maximum, it is the mean over the best actions.
         """
         network = self.policy.value_network
 
         def value(weights: dict[str, Tensor]) -> tuple[Tensor, None]:
             observations = tuple(after[key] for key in network.in_keys)
-            best = functional_call(network, weights, observations).amax(-1, keepdim=True)
-            return best.masked_fill(after["terminated"], 0).sum(), None
+
+            def values(action: Tensor | None) -> Tensor:
+                found: Tensor = functional_call(network, weights, observations, {"action": action})
+                return found
+
+            ahead = self.loss.next_value(values, after)
+            return ahead.masked_fill(after["terminated"], 0).sum(), None
 
         ahead, _ = gradient(value, dict(weights.items()))
         return [per_run(gamma) * runs_last(ahead[name]) - runs_last(slope[name]) for name in slope]

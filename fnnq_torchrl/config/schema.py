@@ -23,6 +23,7 @@ from envs.core.parameters import (
     whole,
     whole_or_rows,
 )
+from envs.core.registry import is_own
 from envs.core.world import WorldConfig
 from envs.schemas import SCHEMAS as WORLDS
 from fnnq_torchrl.config.loggers import LoggerConfig
@@ -50,6 +51,8 @@ PER_RUN = (
     "kappa",
     "gamma",
     "epsilon",
+    "epsilon_final",
+    "epsilon_over",
     "temperature",
     "noise_std",
 )
@@ -115,6 +118,8 @@ class Config(Parameters):
     gamma: float = number(0, 1)
     exploration: str = one_of(*EXPLORATIONS)
     epsilon: float = number(0, 1)
+    epsilon_final: Any = or_null(number(0, 1), default=None)
+    epsilon_over: float = number(above=0, default=1.0)
     temperature: float = number(above=0)
     noise_std: float = number(0)
     variant: str = one_of(*VARIANTS)
@@ -141,6 +146,11 @@ class Config(Parameters):
             self.evaluation = replace(self.evaluation, every=self.situations)
         check(self)
 
+    def of_run(self, key: str) -> float:
+        """Return the number of a key of `PER_RUN`; ``epsilon_final`` is by default ``epsilon``."""
+        value = getattr(self, key)
+        return float(self.epsilon if value is None else value)
+
     @property
     def largest_value(self) -> float:
         """The largest |Q| of a run that hasn't diverged; infinite if ``env.returns`` is None."""
@@ -165,10 +175,26 @@ class Config(Parameters):
         if self.seed + self.num_seeds > 2**63:
             highest = f"at most {2**63 - self.num_seeds}, so that the last seed fits in 63 bits"
             yield OutOfRange("seed", self.seed, highest)
+        yield from self._misfits_of_the_learner()
         for misfit in self.value.misfits(self.env):
             yield OutOfRange(f"value.{misfit.key}", misfit.value, misfit.allowed)
         yield from self._misfits_of_the_rules()
         yield from self._misfits_of_the_world()
+
+    def _misfits_of_the_learner(self) -> Iterator[OutOfRange]:
+        """Yield an error for a trace or a variant that doesn't fit the other choices."""
+        if self.trace == "dutch" and self.variant != "sarsa":
+            yield OutOfRange("variant", self.variant, "sarsa with trace=dutch")
+        if self.trace == "dutch" and self.step_size not in ("decay", "constant"):
+            yield OutOfRange("step_size", self.step_size, "decay or constant with trace=dutch")
+        if self.trace == "dutch" and self.rules is not None and self.rules.frozen:
+            yield OutOfRange("rules.frozen", self.rules.frozen, "[] with trace=dutch")
+        kind = self.value.kind
+        if self.trace == "clearing" and kind not in ("table", "tiles") and not is_own(kind):
+            yield OutOfRange("value.kind", kind, "table or tiles with trace=clearing")
+        if self.variant == "expected_sarsa" and self.exploration == "noise":
+            allowed = "epsilon_greedy or boltzmann with variant=expected_sarsa"
+            yield OutOfRange("exploration", self.exploration, allowed)
 
     @property
     def counts_firing(self) -> bool:

@@ -58,6 +58,8 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "gamma": 0.95,
         "exploration": "epsilon_greedy",
         "epsilon": 0.1,
+        "epsilon_final": None,
+        "epsilon_over": 1,
         "temperature": 0.01,
         "noise_std": 0.3,
         "variant": "peng",
@@ -251,6 +253,20 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
             "evaluation.situations=[[0.1]]",
             "evaluation.situations=[[0.1]]: must be a list of starts [angle, speed], "
             "or a whole number of random starts",
+        ),
+        (["trace=dutch"], "variant=peng: must be sarsa with trace=dutch"),
+        (
+            ["trace=dutch", "variant=sarsa", "step_size=obgd"],
+            "step_size=obgd: must be decay or constant with trace=dutch",
+        ),
+        (
+            ["trace=dutch", "variant=sarsa", "rules.frozen=[ahead]"],
+            "rules.frozen=['ahead']: must be [] with trace=dutch",
+        ),
+        (["trace=clearing"], "value.kind=fnnq: must be table or tiles with trace=clearing"),
+        (
+            ["variant=expected_sarsa", "exploration=noise"],
+            "exploration=noise: must be epsilon_greedy or boltzmann with variant=expected_sarsa",
         ),
         ("lam=", "lam=: must be a number in [0, 1]"),
         ("lam=null", "lam=null: must be a number in [0, 1]"),
