@@ -7,6 +7,7 @@ from envs.classic.schemas import (
     RandomWalkConfig,
 )
 from envs.core.world import WorldConfig
+from envs.from_gymnasium.schemas import GymnasiumConfig
 from envs.robot.schemas import (
     FollowBallConfig,
     FollowObstaclesConfig,
@@ -20,6 +21,7 @@ SCHEMAS: dict[str, type[WorldConfig]] = {
     "follow_ball": FollowBallConfig,
     "follow_obstacles": FollowObstaclesConfig,
     "follow_one_side": FollowOneSideConfig,
+    "gymnasium": GymnasiumConfig,
     "mountain_car": MountainCarConfig,
     "random_walk": RandomWalkConfig,
     "wander": WanderConfig,

@@ -9,6 +9,7 @@ from envs.classic.random_walk import RandomWalk
 from envs.core.pure import PureEnv
 from envs.core.registry import class_of
 from envs.core.world import WorldConfig
+from envs.from_gymnasium.world import GymnasiumWorld
 from envs.robot.follow import FollowBall
 from envs.robot.follow_obstacles import FollowObstacles
 from envs.robot.one_side import FollowOneSide
@@ -20,6 +21,7 @@ WORLDS: dict[str, type[PureEnv]] = {
     "follow_ball": FollowBall,
     "follow_obstacles": FollowObstacles,
     "follow_one_side": FollowOneSide,
+    "gymnasium": GymnasiumWorld,
     "mountain_car": MountainCar,
     "random_walk": RandomWalk,
     "wander": Wander,

@@ -82,7 +82,6 @@ class CartPoleConfig(WorldConfig):
     usual_cart_mps: float = number(above=0)
     usual_pole_radps: float = number(above=0)
 
-    measure: ClassVar = "return"
     successes: ClassVar = "balanced episodes"
     action_name: ClassVar = "push"
 

@@ -73,9 +73,15 @@ def choose_engine(config: Config, runs: int) -> Engine:
         runs: the number of runs.
 
     Raises:
-        ConfigError: if ``engine=compiled`` and there is no working C++ compiler.
+        ConfigError: if ``engine=compiled`` and there is no working C++ compiler, or the world can't
+            be compiled.
     """
     device = torch.device(config.machine.device)
+    if not config.env.compiles:
+        if config.engine == "compiled":
+            line = f"env={config.env.kind} isn't plain torch; take engine=eager"
+            raise ConfigError(f"engine=compiled: {line}")
+        return make_engine("eager", device, f"engine: eager, the only one for {config.env.kind}")
     if config.engine != "auto":
         return make_engine(config.engine, device, f"engine: {config.engine}, as asked for")
     if not compiler_found():

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import yaml
 from hydra import initialize_config_dir, version
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.utils import JobRuntime
@@ -32,7 +33,8 @@ CHOICES = {
         FILES - {Path("config.yaml"), Path("paper_runs.yaml"), Path("action/all.yaml")}
     )
     # A task chooses its labels, and those with an underscore are what others are made of.
-    if path.parent != Path("value/labels") and not path.stem.startswith("_")
+    if path.parent not in (Path("value/labels"), Path("tuned")) and not path.stem.startswith("_")
+    if path.stem != "own"  # a class of the user's is missing
     if path.suffix == ".yaml"
 }
 
@@ -134,6 +136,20 @@ def test_every_shipped_yaml_composes(choice):
     load_config(*with_task(choice))
 
 
+@pytest.mark.parametrize("name", choices_of("tuned"))
+def test_a_tuned_file_is_that_of_a_task_and_a_value_function(name):
+    task, _, value = name.rpartition("_")
+    tuned = yaml.safe_load((CONF / "tuned" / f"{name}.yaml").read_text())
+    config = load_config(f"task={task}", f"value={value}")
+    for key, number in tuned.items():
+        if key == "value":
+            assert {name: getattr(config.value, name) for name in number} == number
+        else:
+            assert getattr(config, key) == number
+    # The command line takes precedence over it.
+    assert load_config(f"task={task}", f"value={value}", "alpha=0.77").alpha == 0.77
+
+
 def test_every_shipped_file_is_yaml():
     files_of_rules = {path for path in FILES if path.parent == Path("rules")}
     assert {path.suffix for path in FILES - files_of_rules} == {".yaml"}
@@ -208,7 +224,8 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         (
             "env.kind=maze",
             "env.kind=maze: must be acrobot, cart_pole, follow_ball, follow_obstacles, "
-            "follow_one_side, mountain_car, random_walk, wander or your own module:Class",
+            "follow_one_side, gymnasium, mountain_car, random_walk, wander or your own "
+            "module:Class",
         ),
         ("env.kind=nowhere:Maze", "env.kind=nowhere:Maze: No module named 'nowhere'"),
         (
