@@ -93,7 +93,8 @@ class GymnasiumWorld(PureEnv):
 
     def transition(self, state: Entries, action: Tensor) -> Entries:
         seed, episode, step = (state[key] for key in WHEN)
-        history = state["history"].scatter(-1, step - 1, action.to(self.dtype))
+        place = (step - 1).clamp(0, self.world.time_limit_steps - 1)
+        history = state["history"].scatter(-1, place, action.to(self.dtype))
         moments = self._play(seed, episode, step, history)
         rewards, ends, cuts = (
             torch.tensor([getattr(moment, name) for moment in moments], device=seed.device)
