@@ -10,8 +10,11 @@ from fnnq_torchrl.studies.reproduction.markdown import table
 from fnnq_torchrl.training.intervals import mean_interval
 from fnnq_torchrl.training.results import CONFIDENCE
 
-from .published import REWARDS, RUNS, STEPS, TILINGS, Point, compare
+from .published import REWARDS, RUNS, STEPS, TILINGS, Comparison, Point, compare
 from .walk import Errors
+
+_WORDS = {"gradient": "accumulating", "clearing": "replacing, with clearing"}
+"""The words for traces whose names say too little."""
 
 Samples = Callable[[Job], NDArray[np.float64]]
 
@@ -82,14 +85,13 @@ def write_page(car: Experiment, traces: Experiment, walk: Sequence[Errors]) -> s
         _row(f"λ = {lam:g}", car.where("lam", lam).jobs, point, _lengths, min)
         for lam, point in STEPS.items()
     ]
-    words = {"gradient": "accumulating", "clearing": "replacing, with clearing"}
     rewards = [
-        _row(words.get(trace, trace), traces.where("trace", trace).jobs, point, _returns, max)
+        _row(_WORDS.get(trace, trace), _of(traces, trace), point, _returns, max)
         for trace, point in REWARDS.items()
     ]
     heads = ["", "published (α · 8)", "ours there", f"ours, {RUNS} runs", "difference", "our best"]
     return _PAGE.format(
-        conclusion=_conclusion(car),
+        conclusion=_conclusion(car, traces),
         published_runs=RUNS,
         confidence=100 * CONFIDENCE,
         steps=table(heads, steps),
@@ -101,25 +103,37 @@ def write_page(car: Experiment, traces: Experiment, walk: Sequence[Errors]) -> s
     )
 
 
-def _conclusion(car: Experiment) -> str:
-    agreeing: list[str] = []
-    differing: list[str] = []
-    for lam, point in STEPS.items():
-        compared = compare(_lengths(_at(car.where("lam", lam).jobs, point)), point)
-        words = f"λ = {lam:g} ({compared.difference:+.0f} ± {compared.error:.0f})"
-        (agreeing if compared.agrees else differing).append(words)
-    lines = []
-    if agreeing:
-        lines.append(
-            "**On Mountain Car, our steps an episode are the published ones within twice the error "
-            f"for {', '.join(agreeing)}.**"
-        )
-    if differing:
-        lines.append(
-            f"**They differ for {', '.join(differing)}; the last section says what differs.**"
-        )
-    runs = f"Each mean is over {car.runs:,} runs."
-    return " ".join([*lines, runs])
+def _conclusion(car: Experiment, traces: Experiment) -> str:
+    steps = [
+        (f"λ = {lam:g}", compare(_lengths(_at(car.where("lam", lam).jobs, point)), point))
+        for lam, point in STEPS.items()
+    ]
+    rewards = [
+        (_WORDS.get(trace, trace), compare(_returns(_at(_of(traces, trace), point)), point))
+        for trace, point in REWARDS.items()
+    ]
+    lines = [_judged("steps an episode (figure 12.10)", steps)]
+    lines.append(_judged("rewards of an episode (figure 12.11)", rewards))
+    return "\n".join([*lines, f"* Each mean is over {min(car.runs, traces.runs):,} runs."])
+
+
+def _judged(what: str, compared: Sequence[tuple[str, Comparison]]) -> str:
+    """Return the line that says which means are the published ones."""
+    words = {
+        agrees: [
+            f"{name} ({each.difference:+.0f} ± {each.error:.0f})"
+            for name, each in compared
+            if each.agrees == agrees
+        ]
+        for agrees in (True, False)
+    }
+    line = f"* **Our {what} are the published ones**, within twice the error, for "
+    line += ", ".join(words[True]) or "none"
+    return line + (f". They differ for {', '.join(words[False])}." if words[False] else ".")
+
+
+def _of(traces: Experiment, trace: str) -> list[Job]:
+    return traces.where("trace", trace).jobs
 
 
 def _lengths(job: Job) -> NDArray[np.float64]:
