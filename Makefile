@@ -18,7 +18,7 @@ BROWSER := tests/browser/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator test test-long foreign browser fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator textbook test test-long foreign browser fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
@@ -59,6 +59,12 @@ prior: install  ## docs/prior.md: what prior knowledge does to learning, over 1,
 simulator: install  ## docs/simulator.md: what is learned among obstacles, over 100 seeds (takes some minutes)
 	$(EXPERIMENT) +experiment=simulator
 	$(BIN)/python -m fnnq_torchrl.simulator
+
+textbook: install  ## docs/textbook.md: figures of Sutton and Barto's book, 1,000 runs (takes some minutes)
+	$(EXPERIMENT) +experiment=sutton_barto_12_10
+	$(EXPERIMENT) +experiment=sutton_barto_12_11
+	$(EXPERIMENT) +experiment=sutton_barto_12_6
+	$(BIN)/python -m fnnq_torchrl.textbook
 
 memberships: install  ## docs/memberships.md: are clustered labels better than those by hand, over 1,000 seeds (takes five minutes)
 	$(EXPERIMENT) num_seeds=22 hydra.run.dir=outputs/visited

@@ -1,6 +1,13 @@
 """The registry of the worlds' schemas by kind, without torch."""
 
+from envs.classic.schemas import (
+    AcrobotConfig,
+    CartPoleConfig,
+    MountainCarConfig,
+    RandomWalkConfig,
+)
 from envs.core.world import WorldConfig
+from envs.from_gymnasium.schemas import GymnasiumConfig
 from envs.robot.schemas import (
     FollowBallConfig,
     FollowObstaclesConfig,
@@ -9,8 +16,13 @@ from envs.robot.schemas import (
 )
 
 SCHEMAS: dict[str, type[WorldConfig]] = {
+    "acrobot": AcrobotConfig,
+    "cart_pole": CartPoleConfig,
     "follow_ball": FollowBallConfig,
     "follow_obstacles": FollowObstaclesConfig,
     "follow_one_side": FollowOneSideConfig,
+    "gymnasium": GymnasiumConfig,
+    "mountain_car": MountainCarConfig,
+    "random_walk": RandomWalkConfig,
     "wander": WanderConfig,
 }

@@ -2,18 +2,28 @@
 
 from typing import Any
 
+from envs.classic.acrobot import Acrobot
+from envs.classic.cart_pole import CartPole
+from envs.classic.mountain_car import MountainCar
+from envs.classic.random_walk import RandomWalk
 from envs.core.pure import PureEnv
 from envs.core.registry import class_of
 from envs.core.world import WorldConfig
+from envs.from_gymnasium.world import GymnasiumWorld
 from envs.robot.follow import FollowBall
 from envs.robot.follow_obstacles import FollowObstacles
 from envs.robot.one_side import FollowOneSide
 from envs.robot.wander import Wander
 
 WORLDS: dict[str, type[PureEnv]] = {
+    "acrobot": Acrobot,
+    "cart_pole": CartPole,
     "follow_ball": FollowBall,
     "follow_obstacles": FollowObstacles,
     "follow_one_side": FollowOneSide,
+    "gymnasium": GymnasiumWorld,
+    "mountain_car": MountainCar,
+    "random_walk": RandomWalk,
     "wander": Wander,
 }
 

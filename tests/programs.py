@@ -27,7 +27,7 @@ SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
 def make_runs(config: Config, count: int, **columns: float | Tensor) -> TensorDict:
     """Return runs of different seeds, ``[count]``; ``columns`` override the configuration."""
     whole = {"seed": torch.arange(count), "situations": config.situations}
-    values = {key: getattr(config, key) for key in PER_RUN} | whole
+    values = {key: config.of_run(key) for key in PER_RUN} | whole
     dtype = getattr(torch, config.machine.dtype)
     tensors = {}
     for key, value in (values | columns).items():

@@ -30,7 +30,7 @@ ROOMS = [
 
 # The only places that may import each library that is slow to load or belongs at the edge.
 ONLY_IN = {
-    "gymnasium": ["envs.gymnasium", "fnnq_torchrl.launch.registration"],
+    "gymnasium": ["envs.gymnasium", "envs.from_gymnasium", "fnnq_torchrl.launch.registration"],
     "hydra": ["fnnq_torchrl.launch", "hydra_plugins"],
     "matplotlib": ["envs.pictures", "fnnq_torchrl.training.pictures.search"],
     "submitit": ["fnnq_torchrl.launch.cluster"],

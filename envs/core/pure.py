@@ -126,7 +126,8 @@ class PureEnv(EnvBase):
 
         Returns:
             The new observations and state, ``reward`` and ``terminated`` (bool). Optional entries
-            are ``chance`` and ``success`` (bool), true where an episode ends with a success.
+            are ``chance``, ``success`` (bool), true where an episode ends with a success, and
+            ``truncated`` (bool), true where something else than the time limit cuts it off.
         """
 
     def start(self, seed: Tensor, episode: Tensor, situations: Tensor | None = None) -> TensorDict:
@@ -179,6 +180,8 @@ class PureEnv(EnvBase):
         after = self.transition(state, tensordict["action"])
         after |= {key: state[key] for key in WHEN}
         late = after["step"] >= self.world.time_limit_steps
+        if "truncated" in after:
+            late = late | after["truncated"]
         after["truncated"] = late & ~after["terminated"]
         after["done"] = after["terminated"] | late
         if "success" not in after:

@@ -29,6 +29,9 @@ class WorldConfig(Parameters, ABC):
     successes: ClassVar[str] = "successes"
     """The plural noun for the successes that a test counts, such as ``catches``."""
 
+    compiles: ClassVar[bool] = True
+    """Whether a step is plain torch, so that a loop of steps can be compiled."""
+
     action_name: ClassVar[str] = "action"
     """What the action is called in rules."""
 
@@ -39,6 +42,11 @@ class WorldConfig(Parameters, ABC):
     @abstractmethod
     def observations(self) -> Mapping[str, Range]:
         """The range of each observation, by name; a range may be infinite."""
+
+    @property
+    def usual(self) -> Mapping[str, Range]:
+        """The range of each observation that tiles and even labels cover; by default all of it."""
+        return self.observations
 
     @property
     @abstractmethod

@@ -32,17 +32,26 @@ class EligibilityTrace:
         loss: the loss module, whose network's weights have the runs as their first dimension.
         lam: λ, one number or one per run, ``[runs, 1]``.
         rule: the variant of Q(λ) and its trace; by default the paper's.
+        alpha: the step size of plain SGD, for a dutch trace, which needs it.
 
     Raises:
-        ValueError: if λ has another shape.
+        ValueError: if λ or α has another shape, α is missing, or the loss has another bootstrap
+            than the variant.
     """
 
     def __init__(
-        self, loss: PengQLambdaLoss, lam: Tensor | float, rule: Rule | None = None
+        self,
+        loss: PengQLambdaLoss,
+        lam: Tensor | float,
+        rule: Rule | None = None,
+        alpha: Tensor | float | None = None,
     ) -> None:
         self.loss = loss
         self.lam = run_numbers("lam", lam, like=loss.gamma)
+        self.alpha = None if alpha is None else run_numbers("alpha", alpha, like=loss.gamma)
         self._update = Update(loss, rule or Rule())
+        if self._update.rule.trace.corrects and alpha is None:
+            raise ValueError("alpha=None: a dutch trace needs the step size")
         weights = {name: w.detach() for name, w in loss.value_network.named_parameters()}
         self.trace = self._update.start(weights)
 
@@ -60,8 +69,8 @@ class EligibilityTrace:
         if batch.numel() != runs:
             raise ValueError(f"batch of shape {list(batch.shape)}: must be one step of every run")
         weights = dict(self.loss.value_network.named_parameters())
-        found = keys.td_error, keys.chosen_td_error, keys.chosen_action_value
-        errors = Errors(*(losses[key].view(runs, 1) for key in found))
+        names = (keys.td_error, keys.chosen_td_error, keys.chosen_action_value, keys.next_value)
+        errors = Errors(*(losses[key].view(runs, 1) for key in names))
         slopes = torch.autograd.grad(errors.chosen_value.sum(), [*weights.values()])
         direction, self.trace = self._update.update(
             batch.view(runs),
@@ -69,9 +78,18 @@ class EligibilityTrace:
             dict(zip(weights, slopes, strict=True)),
             self.trace,
             self.loss.gamma * self.lam,
+            alpha=self.alpha,
+            of_all=self._of_all(batch) if self._update.rule.trace.clears else None,
         )
         losses["loss"] = -sum((direction[name] * w).sum() for name, w in weights.items())
         return losses
+
+    def _of_all(self, batch: TensorDictBase) -> dict[str, Tensor]:
+        """Return ∇ΣQ(s, ·) over all candidates, by the names of the weights."""
+        network = self.loss.value_network
+        weights = dict(network.named_parameters())
+        slopes = torch.autograd.grad(network.values_in(batch).sum(), [*weights.values()])
+        return dict(zip(weights, slopes, strict=True))
 
     def register(self, trainer: "Trainer", name: str = "eligibility_trace") -> None:
         """Register the hook with TorchRL's trainer, which calls it after the loss and saves it."""

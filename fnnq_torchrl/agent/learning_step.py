@@ -34,11 +34,35 @@ class _Agent(nn.Module):
         super().__init__()
         self.env, self.policy, self.loss = env, policy, loss
 
-    def forward(self, world: TensorDictBase) -> _Experience:
-        """Take a step from the world's state, a TensorDict that is changed in place."""
+    def forward(self, world: TensorDictBase, chosen: Tensor | None = None) -> _Experience:
+        """Take a step from the world's state, a TensorDict that is changed in place.
+
+        Args:
+            world: the state before the step.
+            chosen: the action, if it was chosen before the last update, ``[runs, 1]``; it doesn't
+                count in the first step of an episode.
+        """
         with torch.no_grad():
-            transition = self.env.step(self.policy(world))
+            acting = self.policy(world)
+            if chosen is not None:
+                acting["action"] = torch.where(world["step"] == 0, acting["action"], chosen)
+            transition = self.env.step(acting)
+            transition["next"].update(self._ahead(transition["next"]))
         return _Experience(transition, self.loss.errors(transition))
+
+    def _ahead(self, after: TensorDictBase) -> dict[str, Tensor]:
+        """Return the entries of the next state that the loss needs to bootstrap, if any.
+
+        The weights are those before the update.
+        """
+        if self.loss.bootstrap == "best":
+            return {}
+        ahead = self.policy(after.copy())
+        if self.loss.bootstrap == "chosen":
+            return {"action": ahead["action"]}
+        values = ahead["action_value"].movedim(-1, 0)
+        amount = per_run(getattr(self.policy, self.policy.amount_name))
+        return {"action_probability": self.policy.probabilities(values, amount).movedim(0, -1)}
 
 
 class Learner:
@@ -49,14 +73,17 @@ class Learner:
 
     * ``run`` never changes. Its entries, each ``[runs, 1]``, are ``seed``, ``lam``, ``alpha``,
       ``alpha_decay``, ``gamma``, ``kappa`` if the step size needs it, the amount of exploration
-      under its own name, such as ``epsilon``, and ``situations``, the number to learn from.
+      under its own name, such as ``epsilon``, and ``situations``, the number to learn from. If ε is
+      annealed, there are ``epsilon_final`` and ``epsilon_over``, too.
     * ``state`` is replaced by every step. Its entries are ``world``, the environment's state;
-      ``weights`` and ``trace``, by the names of the network's parameters; ``alpha``, the current
-      step size; ``situations`` and ``steps``, the numbers of those learned from so far;
-      ``diverged``, whether |Q| has become too large, after which the run counts no more steps;
-      ``over``, whether the run has ended; and ``snapshot``, the weights and counts at the time
-      when an evaluation was last due; and, if counted, ``fired``, the rules' firing strengths
-      ∂Q(s, a)/∂w, summed over the steps that the run has learned from.
+      ``weights`` and ``trace``, by the names of the network's parameters; ``action``, the next
+      action, if the variant chooses it before the update; ``alpha``, the current step size;
+      ``situations`` and ``steps``, the numbers of those learned from so far; ``diverged``, whether
+      |Q| has become too large, after which the run counts no more steps; ``over``, whether the run
+      has ended; and ``snapshot``, the weights and counts at the time when an evaluation was last
+      due. If counted, there are ``fired``, the rules' firing strengths ∂Q(s, a)/∂w, summed over the
+      steps that the run has learned from, and, in both ``state`` and ``snapshot``, ``earned``: the
+      sum of rewards (``return``) and the number of successes since the snapshot before.
 
     Args:
         env: the world, with the runs as its batch.
@@ -71,6 +98,7 @@ class Learner:
             the network's parameters. Parameters without an entry learn.
         count_firing: add up ``fired``; for a network whose parameter ``weight`` holds the rules'
             consequents.
+        count_earned: add up ``earned``, for learning without tests.
 
     Raises:
         ValueError: if there is no such policy.
@@ -88,15 +116,17 @@ class Learner:
         largest_value: float,
         learns: Mapping[str, Tensor] | None = None,
         count_firing: bool = False,
+        count_earned: bool = False,
     ) -> None:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # `step` sets the amount
-        self.loss = PengQLambdaLoss(value_network, gamma=1.0)  # likewise γ
+        bootstrap = rule.variant.bootstrap
+        self.loss = PengQLambdaLoss(value_network, gamma=1.0, bootstrap=bootstrap)  # likewise γ
         self.step_size = step_size
         self.evaluate_every = evaluate_every
         self._agent = _Agent(env, self.policy, self.loss)
         self._update = Update(self.loss, rule)
-        self._count_firing = count_firing
+        self._count_firing, self._count_earned = count_firing, count_earned
         like = value_network.candidates
         self._learns = {name: mask.to(like) for name, mask in (learns or {}).items()}
         self.largest_value = min(largest_value, torch.finfo(value_network.candidates.dtype).max)
@@ -109,6 +139,9 @@ class Learner:
         zero = torch.zeros_like(run["seed"])  # cloned, because entries must not share memory
         batch = {"batch_size": runs, "device": run.device}
         counted = {"fired": torch.zeros_like(weights["weight"])} if self._count_firing else {}
+        if self._chooses_ahead:
+            counted["action"] = torch.zeros_like(run["alpha"])
+        earned = self._nothing_earned(run)
         return TensorDict(
             {
                 "world": self.env.start(run["seed"].clone(), zero.clone()),
@@ -124,10 +157,12 @@ class Learner:
                         "weights": TensorDict({k: _copy(w) for k, w in weights.items()}, **batch),
                         "situations": zero.clone(),
                         "steps": zero.clone(),
+                        **self._nothing_earned(run),
                     },
                     **batch,
                 ),
                 **counted,
+                **earned,
             },
             **batch,
         )
@@ -141,15 +176,31 @@ class Learner:
         (:class:`envs.core.world.WorldConfig`).
         """
         before, decay = dict(state["weights"].items()), run["gamma"] * run["lam"]
-        slope, (transition, errors) = self._experienced(run, before, state["world"])
+        slope, (transition, errors) = self._experienced(run, before, state)
         after = transition["next"]
-        direction, trace = self._update.update(transition, errors, slope, state["trace"], decay)
+        of_all = self._slope_of_all(before, transition)
+        direction, trace = self._update.update(
+            transition,
+            errors,
+            slope,
+            state["trace"],
+            decay,
+            alpha=state["alpha"],
+            of_all=of_all,
+        )
         kappa = run.get("kappa", None)
         step, alpha = self.step_size.update(
             per_run(state["alpha"]),
             None if kappa is None else per_run(kappa),
             Direction(
-                partial(self._update.present_trace, transition, slope, state["trace"], decay),
+                partial(
+                    self._update.present_trace,
+                    transition,
+                    slope,
+                    state["trace"],
+                    decay,
+                    of_all=of_all,
+                ),
                 partial(self._update.largest_error, errors),
                 partial(self._error_slope, before, run["gamma"], slope, after),
             ),
@@ -160,6 +211,8 @@ class Learner:
         }
         alpha = decayed(alpha.unsqueeze(-1), run["alpha_decay"], after["success"])
         counted = {"fired": self._fired(state, slope)} if self._count_firing else {}
+        if self._chooses_ahead:
+            counted["action"] = after["action"]
         return TensorDict(
             {
                 "world": self.env.restart(after),
@@ -172,6 +225,10 @@ class Learner:
             batch_size=state.batch_size,
             device=state.device,
         )
+
+    @property
+    def _chooses_ahead(self) -> bool:
+        return self._update.rule.variant.bootstrap == "chosen"
 
     def _counts(
         self,
@@ -188,6 +245,7 @@ class Learner:
         steps = state["steps"] + goes_on
         snapshot = state["snapshot"]
         due = situations == snapshot["situations"] + self.evaluate_every
+        earned, earned_before = self._earned(state, transition["next"], due)
         return {
             "situations": situations,
             "steps": steps,
@@ -200,8 +258,32 @@ class Learner:
                 },
                 "situations": torch.where(due, situations, snapshot["situations"]),
                 "steps": torch.where(due, steps, snapshot["steps"]),
+                **earned_before,
             },
+            **earned,
         }
+
+    def _nothing_earned(self, run: TensorDictBase) -> dict[str, TensorDict]:
+        """Return ``earned`` before the first step; empty if it isn't counted."""
+        if not self._count_earned:
+            return {}
+        zeros = {"return": torch.zeros_like(run["alpha"]), "success": torch.zeros_like(run["seed"])}
+        return {"earned": TensorDict(zeros, run.batch_size, device=run.device)}
+
+    def _earned(
+        self, state: TensorDictBase, after: TensorDictBase, due: Tensor
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return ``earned`` of the state and of the snapshot after a step, where it is counted."""
+        if not self._count_earned:
+            return {}, {}
+        new = {"return": after["reward"], "success": after["success"].to(torch.int64)}
+        so_far = {key: state["earned", key] + new[key] for key in new}
+        kept = {
+            key: torch.where(due, sum_, state["snapshot", "earned", key])
+            for key, sum_ in so_far.items()
+        }
+        so_far = {key: torch.where(due, 0, sum_) for key, sum_ in so_far.items()}
+        return {"earned": so_far}, {"earned": kept}
 
     def _fired(self, state: TensorDictBase, slope: Weights) -> Tensor:
         """Return ``fired`` after a step; it doesn't change for a run that is over."""
@@ -217,35 +299,54 @@ class Learner:
         return step * self._learns[name] if name in self._learns else step
 
     def _experienced(
-        self, run: TensorDictBase, weights: dict[str, Tensor], world: TensorDictBase
+        self, run: TensorDictBase, weights: dict[str, Tensor], state: TensorDictBase
     ) -> tuple[dict[str, Tensor], _Experience]:
         """Return each run's ∇Q(s, a), by autograd, and the step of its world."""
-        amount = self.policy.amount_name
-        numbers = {f"policy.{amount}": run[amount], "loss.gamma": run["gamma"]}
+        amount = self.policy.amount(run, state["steps"])
+        numbers = {f"policy.{self.policy.amount_name}": amount, "loss.gamma": run["gamma"]}
+        given = state["world"].copy(), state.get("action", None)
 
         def chosen_value(weights: dict[str, Tensor]) -> tuple[Tensor, _Experience]:
             # The policy has the same network as the loss, so these weights are replaced in both.
             named = {f"loss.value_network.{name}": weight for name, weight in weights.items()}
             experience: _Experience = functional_call(
-                self._agent, named | numbers, (world.copy(),), tie_weights=False
+                self._agent, named | numbers, given, tie_weights=False
             )
             return experience.errors.chosen_value, experience
 
         return gradient(chosen_value, weights)
+
+    def _slope_of_all(
+        self, weights: dict[str, Tensor], transition: TensorDictBase
+    ) -> dict[str, Tensor] | None:
+        """Return each run's ∇ΣQ(s, ·) over all candidates; None if the trace doesn't need it."""
+        if not self._update.rule.trace.clears:
+            return None
+        network = self.policy.value_network
+
+        def every_value(weights: dict[str, Tensor]) -> tuple[Tensor, None]:
+            observations = tuple(transition[key] for key in network.in_keys)
+            return functional_call(network, weights, observations), None
+
+        return gradient(every_value, weights)[0]
 
     def _error_slope(
         self, weights: dict[str, Tensor], gamma: Tensor, slope: Weights, after: TensorDictBase
     ) -> list[Tensor]:
         """Return ∇δ′ = γ∇V(s′) − ∇Q(s, a), tensors ``[*weights, runs]``.
 
-        ∇V is 0 if s′ ends the task, and the mean of the actions' gradients if several are best.
+        ∇V is 0 if s′ ends the task; of a maximum, it is the mean over the best actions.
         """
         network = self.policy.value_network
 
         def value(weights: dict[str, Tensor]) -> tuple[Tensor, None]:
             observations = tuple(after[key] for key in network.in_keys)
-            best = functional_call(network, weights, observations).amax(-1, keepdim=True)
-            return best.masked_fill(after["terminated"], 0), None
+
+            def values(action: Tensor | None) -> Tensor:
+                found: Tensor = functional_call(network, weights, observations, {"action": action})
+                return found
+
+            return self.loss.next_value(values, after).masked_fill(after["terminated"], 0), None
 
         ahead, _ = gradient(value, weights)
         return [per_run(gamma) * runs_last(ahead[name]) - runs_last(slope[name]) for name in slope]

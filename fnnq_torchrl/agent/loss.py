@@ -1,7 +1,8 @@
 """The two errors of Q(λ) and the one-step loss, as a TorchRL LossModule."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import torch
@@ -13,20 +14,26 @@ from torchrl.objectives import LossModule
 from fnnq_torchrl.agent.values import ValueNetwork
 from fnnq_torchrl.equations import q_lambda
 from fnnq_torchrl.equations.layout import over_batch, run_numbers
+from fnnq_torchrl.equations.names import BOOTSTRAPS
+
+Values = Callable[[Tensor | None], Tensor]
+"""Q(s, a) of a given action, ``[runs, *batch, 1]``; of None, Q of all candidates."""
 
 
 class Errors(NamedTuple):
-    """The two errors of a step, and Q(s, a), each ``[runs, *batch, 1]``.
+    """The two errors of a step, Q(s, a) and V(s′), each ``[runs, *batch, 1]``.
 
     Attributes:
         td_error: δ, without a gradient.
         chosen_td_error: δ′, without a gradient.
         chosen_value: Q(s, a), with the gradient of the network's weights.
+        next_value: V(s′), without a gradient.
     """
 
     td_error: Tensor
     chosen_td_error: Tensor
     chosen_value: Tensor
+    next_value: Tensor
 
 
 class PengQLambdaLoss(LossModule):
@@ -41,12 +48,19 @@ class PengQLambdaLoss(LossModule):
     ``action_value`` is the policy's Q(s, ·) of all candidates, from the weights before the update.
     ``set_keys`` renames every key except the observations.
 
-    It returns a TensorDict of ``loss`` (a scalar) and of ``td_error`` δ, ``chosen_td_error`` δ′ and
-    ``chosen_action_value`` Q(s, a), each ``[runs, *batch, 1]``.
+    It returns a TensorDict of ``loss`` (a scalar) and of ``td_error`` δ, ``chosen_td_error`` δ′,
+    ``chosen_action_value`` Q(s, a) and ``next_value`` V(s′), each ``[runs, *batch, 1]``.
 
     Args:
         value_network: Q(s, a), any :class:`ValueNetwork`.
         gamma: the discount γ, one number or one per run, ``[runs, 1]``.
+        bootstrap: V(s′), the value of the next state. ``best``: max Q(s′, ·), for Q(λ). ``chosen``:
+            Q(s′, a′) of the ``action`` in ``"next"``, for Sarsa(λ), which must take this action in
+            the next step. ``expected``: the mean of Q(s′, ·) with the ``action_probability`` in
+            ``"next"``, one for each candidate.
+
+    Raises:
+        ValueError: if there is no such bootstrap.
     """
 
     @dataclass
@@ -59,13 +73,21 @@ class PengQLambdaLoss(LossModule):
         td_error: NestedKey = "td_error"
         chosen_td_error: NestedKey = "chosen_td_error"
         chosen_action_value: NestedKey = "chosen_action_value"
+        action_probability: NestedKey = "action_probability"
+        next_value: NestedKey = "next_value"
 
     default_keys = _AcceptedKeys
     value_network: ValueNetwork
     gamma: Tensor
 
-    def __init__(self, value_network: ValueNetwork, gamma: Tensor | float) -> None:
+    def __init__(
+        self, value_network: ValueNetwork, gamma: Tensor | float, bootstrap: str = "best"
+    ) -> None:
         super().__init__()
+        if bootstrap not in BOOTSTRAPS:
+            *others, last = BOOTSTRAPS
+            raise ValueError(f"bootstrap={bootstrap!r}: must be {', '.join(others)} or {last}")
+        self.bootstrap = bootstrap
         self.value_network = value_network
         candidates = value_network.candidates
         self.register_buffer("gamma", run_numbers("gamma", gamma, like=candidates))
@@ -80,33 +102,50 @@ class PengQLambdaLoss(LossModule):
     @property
     def in_keys(self) -> list[NestedKey]:
         keys, observations = self.tensor_keys, self.value_network.in_keys
-        after = [*observations, keys.reward, keys.terminated]
+        of_bootstrap = {"best": [], "chosen": [keys.action], "expected": [keys.action_probability]}
+        after = [*observations, keys.reward, keys.terminated, *of_bootstrap[self.bootstrap]]
         return [*observations, keys.action, keys.action_value, *(("next", key) for key in after)]
 
     @property
     def out_keys(self) -> list[NestedKey]:
         keys = self.tensor_keys
-        return ["loss", keys.td_error, keys.chosen_td_error, keys.chosen_action_value]
+        of_pair = [keys.td_error, keys.chosen_td_error, keys.chosen_action_value]
+        return ["loss", *of_pair, keys.next_value]
+
+    def next_value(self, values: Values, after: TensorDictBase) -> Tensor:
+        """Return V(s′), ``[runs, *batch, 1]``.
+
+        Args:
+            values: returns Q(s′, a′) of the action given or, without one, of all candidates.
+            after: the TensorDict of ``"next"``.
+        """
+        if self.bootstrap == "chosen":
+            return values(after[self.tensor_keys.action])
+        if self.bootstrap == "expected":
+            mean = values(None) * after[self.tensor_keys.action_probability]
+            return mean.sum(-1, keepdim=True)
+        return values(None).amax(-1, keepdim=True)
 
     def errors(self, tensordict: TensorDictBase) -> Errors:
-        """Return the errors and the value from which :meth:`forward` makes the loss."""
+        """Return the errors and the values from which :meth:`forward` makes the loss."""
         keys, after = self.tensor_keys, tensordict["next"]
         values_in = self.value_network.values_in
         chosen_value = values_in(tensordict, tensordict[keys.action])
         with torch.no_grad():
+            next_value = self.next_value(partial(values_in, after), after)
             td_error, chosen_td_error = q_lambda.td_errors(
                 after[keys.reward],
                 after[keys.terminated],
                 tensordict[keys.action_value].amax(-1, keepdim=True),
                 chosen_value,
-                values_in(after).amax(-1, keepdim=True),
+                next_value,
                 over_batch(self.gamma, like=chosen_value),
             )
-        return Errors(td_error, chosen_td_error, chosen_value)
+        return Errors(td_error, chosen_td_error, chosen_value, next_value)
 
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
         keys = self.tensor_keys
-        td_error, chosen_td_error, chosen_value = self.errors(tensordict)
+        td_error, chosen_td_error, chosen_value, next_value = self.errors(tensordict)
         target = chosen_td_error + chosen_value.detach()
         return TensorDict(
             {
@@ -114,5 +153,6 @@ class PengQLambdaLoss(LossModule):
                 keys.td_error: td_error,
                 keys.chosen_td_error: chosen_td_error,
                 keys.chosen_action_value: chosen_value,
+                keys.next_value: next_value,
             }
         )

@@ -49,6 +49,29 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
             The actions, ``[runs, *batch]``.
         """
 
+    def probabilities(self, action_values: Tensor, amount: Tensor) -> Tensor:
+        """Return the probability with which each candidate is chosen.
+
+        Args:
+            action_values, amount: as in :meth:`choose`.
+
+        Returns:
+            ``[candidates, runs, *batch]``.
+
+        Raises:
+            NotImplementedError: if the policy doesn't choose among the candidates.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has actions besides the candidates")
+
+    def amount(self, run: TensorDictBase, steps: Tensor) -> Tensor:
+        """Return the amount of exploration after a number of learning steps, ``[runs, 1]``.
+
+        Args:
+            run: the values of the runs, with the amount under its own name.
+            steps: the number of steps learned from, int64 ``[runs, 1]``.
+        """
+        return run[self.amount_name]
+
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         values = self.value_network.values_in(tensordict)
         u = per_run(tensordict["chance"])
@@ -75,6 +98,17 @@ class EpsilonGreedyPolicy(ExploringPolicy):
         chosen = exploration.epsilon_greedy(action_values, amount, u)
         return self.value_network.candidates[chosen]
 
+    def probabilities(self, action_values: Tensor, amount: Tensor) -> Tensor:
+        return exploration.epsilon_greedy_probabilities(action_values, amount)
+
+    def amount(self, run: TensorDictBase, steps: Tensor) -> Tensor:
+        """Return ε, which is annealed if ``run`` has ``epsilon_final`` and ``epsilon_over``."""
+        if "epsilon_final" not in run:
+            return run["epsilon"]
+        return exploration.annealed(
+            run["epsilon"], run["epsilon_final"], run["epsilon_over"], steps
+        )
+
 
 class BoltzmannPolicy(ExploringPolicy):
     """The Boltzmann (softmax) policy (:func:`fnnq_torchrl.equations.exploration.boltzmann`).
@@ -92,6 +126,9 @@ class BoltzmannPolicy(ExploringPolicy):
     def choose(self, action_values: Tensor, amount: Tensor, u: Tensor) -> Tensor:
         chosen = exploration.boltzmann(action_values, amount, u)
         return self.value_network.candidates[chosen]
+
+    def probabilities(self, action_values: Tensor, amount: Tensor) -> Tensor:
+        return exploration.boltzmann_probabilities(action_values, amount)
 
 
 class NoisyPolicy(ExploringPolicy):

@@ -36,7 +36,7 @@ class Runs:
         counts = [each.num_seeds for each in configs]
         for key in PER_RUN:
             if key != "seed":
-                columns[key] = np.repeat([float(getattr(each, key)) for each in configs], counts)
+                columns[key] = np.repeat([each.of_run(key) for each in configs], counts)
         return cls(columns)
 
     @property

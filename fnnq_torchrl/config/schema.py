@@ -7,7 +7,7 @@ so that errors are reported before those libraries are loaded.
 import struct
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any
 
@@ -26,6 +26,7 @@ from envs.core.parameters import (
     whole,
     whole_or_rows,
 )
+from envs.core.registry import is_own
 from envs.core.world import WorldConfig
 from envs.schemas import SCHEMAS as WORLDS
 from fnnq_torchrl.config.loggers import LoggerConfig
@@ -53,6 +54,8 @@ PER_RUN = (
     "kappa",
     "gamma",
     "epsilon",
+    "epsilon_final",
+    "epsilon_over",
     "temperature",
     "noise_std",
 )
@@ -87,10 +90,13 @@ class MachineConfig(Parameters):
 
 @dataclass
 class EvaluationConfig(Parameters):
-    """The interval between tests, and their fixed starts or number of random starts."""
+    """The interval between tests, and their fixed starts or number of random starts.
 
-    every: int = whole(1)
-    situations: Any = whole_or_rows(1, "start")
+    Without tests (``situations`` is 0), the scores are those of the situations learned from.
+    """
+
+    every: Any = or_null(whole(1))
+    situations: Any = whole_or_rows(0, "start")
 
     @property
     def fixed(self) -> list[list[float]] | None:
@@ -126,6 +132,8 @@ class Config(Parameters):
     gamma: float = number(0, 1)
     exploration: str = one_of(*EXPLORATIONS)
     epsilon: float = number(0, 1)
+    epsilon_final: Any = or_null(number(0, 1), default=None)
+    epsilon_over: float = number(above=0, default=1.0)
     temperature: float = number(above=0)
     noise_std: float = number(0)
     variant: str = one_of(*VARIANTS)
@@ -148,7 +156,14 @@ class Config(Parameters):
     def __post_init__(self) -> None:
         if isinstance(self.value, ValueConfig) and isinstance(self.env, WorldConfig):
             self.value = self.value.in_world(self.env)
+        if isinstance(self.evaluation, EvaluationConfig) and self.evaluation.every is None:
+            self.evaluation = replace(self.evaluation, every=self.situations)
         check(self)
+
+    def of_run(self, key: str) -> float:
+        """Return the number of a key of `PER_RUN`; ``epsilon_final`` is by default ``epsilon``."""
+        value = getattr(self, key)
+        return float(self.epsilon if value is None else value)
 
     @property
     def largest_value(self) -> float:
@@ -159,7 +174,9 @@ class Config(Parameters):
     @property
     def best_score(self) -> int | None:
         """The highest possible score of a test that counts successes; None for other measures."""
-        return self.evaluation.tests if self.env.tested.measure == "successes" else None
+        if self.env.tested.measure != "successes":
+            return None
+        return self.evaluation.tests or int(self.evaluation.every)
 
     def contradictions(self) -> Iterator[OutOfRange]:
         """Yield an error for each value that conflicts with another."""
@@ -172,6 +189,7 @@ class Config(Parameters):
         if self.seed + self.num_seeds > 2**63:
             highest = f"at most {2**63 - self.num_seeds}, so that the last seed fits in 63 bits"
             yield OutOfRange("seed", self.seed, highest)
+        yield from self._misfits_of_the_learner()
         for misfit in self.value.misfits(self.env):
             if self._has_prior and misfit.value is None and misfit.key in ("inputs", "action"):
                 continue  # the prior's file brings labels
@@ -179,6 +197,21 @@ class Config(Parameters):
         yield from self._misfits_in_the_dtype()
         yield from self._misfits_of_the_rules()
         yield from self._misfits_of_the_world()
+
+    def _misfits_of_the_learner(self) -> Iterator[OutOfRange]:
+        """Yield an error for a trace or a variant that doesn't fit the other choices."""
+        if self.trace == "dutch" and self.variant != "sarsa":
+            yield OutOfRange("variant", self.variant, "sarsa with trace=dutch")
+        if self.trace == "dutch" and self.step_size not in ("decay", "constant"):
+            yield OutOfRange("step_size", self.step_size, "decay or constant with trace=dutch")
+        if self.trace == "dutch" and self.rules is not None and self.rules.frozen:
+            yield OutOfRange("rules.frozen", self.rules.frozen, "[] with trace=dutch")
+        kind = self.value.kind
+        if self.trace == "clearing" and kind not in ("table", "tiles") and not is_own(kind):
+            yield OutOfRange("value.kind", kind, "table or tiles with trace=clearing")
+        if self.variant == "expected_sarsa" and self.exploration == "noise":
+            allowed = "epsilon_greedy or boltzmann with variant=expected_sarsa"
+            yield OutOfRange("exploration", self.exploration, allowed)
 
     @property
     def _has_prior(self) -> bool:

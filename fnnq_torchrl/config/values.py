@@ -138,7 +138,7 @@ class LabelsConfig(ValueConfig):
     def in_world(self, world: WorldConfig) -> Self:
         """Return a copy with evenly spaced labels if ``membership`` is ``even``."""
         names = world.observations if self.inputs is None else self.inputs
-        spans = {name: world.observations.get(name, (-inf, inf)) for name in names}
+        spans = {name: world.usual.get(name, (-inf, inf)) for name in names}
         finite = all(isfinite(end) for span in spans.values() for end in span)
         if self.membership != EVEN or not finite:
             return self
@@ -208,7 +208,7 @@ class LabelsConfig(ValueConfig):
                 needs = "labels, or null if value.membership is even or clustered"
                 yield OutOfRange(key, None, needs)
         for name in world.observations if self.inputs is None else self.inputs:
-            span = world.observations.get(name, (0.0, 0.0))
+            span = world.usual.get(name, (0.0, 0.0))
             if self.membership == EVEN and not all(map(isfinite, span)):
                 words = f"paper or clustered, since the range of {name} is infinite"
                 yield OutOfRange("membership", EVEN, words)
@@ -307,7 +307,10 @@ class SumConfig(LabelsConfig):
 
 @dataclass
 class TilesConfig(ValueConfig):
-    """Tile coding with grids over the ranges [low, high] of every input and of the action."""
+    """Tile coding with grids over the ranges [low, high] of every input and of the action.
+
+    In a world with a fixed set of actions, ``action`` is null, and each action has its own tiles.
+    """
 
     inputs: Any = or_null(rising_pair("low", "high"))
     action: Any = or_null(rising_pair("low", "high"))
@@ -318,10 +321,9 @@ class TilesConfig(ValueConfig):
 
     def in_world(self, world: WorldConfig) -> Self:
         """Return a copy in which ranges that are null are the world's."""
-        spans = {name: [*span] for name, span in world.observations.items()}
-        actions = world.actions
-        last = [0.0, actions - 1.0] if isinstance(actions, int) else [*actions]
-        return replace(self, inputs=self.inputs or spans, action=self.action or last)
+        spans = {name: [*span] for name, span in world.usual.items()}
+        actions = None if isinstance(world.actions, int) else [*world.actions]
+        return replace(self, inputs=self.inputs or spans, action=self.action or actions)
 
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
         """Yield an error for each unknown input and for each infinite range."""

@@ -74,8 +74,14 @@ def choose_engine(config: Config, runs: int) -> Engine:
 
     Raises:
         CannotCompile: if ``engine=compiled`` and nothing can be compiled here.
+        ConfigError: if ``engine=compiled`` and the world can't be compiled.
     """
     device = torch.device(config.machine.device)
+    if not config.env.compiles:
+        if config.engine == "compiled":
+            line = f"env={config.env.kind} isn't plain torch; take engine=eager"
+            raise ConfigError(f"engine=compiled: {line}")
+        return make_engine("eager", device, f"engine: eager, the only one for {config.env.kind}")
     if config.engine != "auto":
         return make_engine(config.engine, device, f"engine: {config.engine}, as asked for")
     steps = int(config.situations * config.env.time_limit_steps * _MEAN_SITUATION)

@@ -33,6 +33,32 @@ def epsilon_greedy(action_values: Tensor, epsilon: Tensor, u: Tensor) -> Tensor:
     return torch.where(explore, pick, (rank <= pick).sum(0, dtype=u.dtype)).int()
 
 
+def epsilon_greedy_probabilities(action_values: Tensor, epsilon: Tensor) -> Tensor:
+    """Return the probability with which :func:`epsilon_greedy` chooses each candidate.
+
+    Args:
+        action_values: ``[candidates, *runs]``.
+        epsilon: ``[*runs]``, in [0, 1].
+
+    Returns:
+        ``[candidates, *runs]``.
+    """
+    best = (action_values == action_values.amax(0)).to(action_values.dtype)
+    return epsilon / len(action_values) + (1 - epsilon) * best / best.sum(0)
+
+
+def annealed(first: Tensor, final: Tensor, over: Tensor, steps: Tensor) -> Tensor:
+    """Return the amount of exploration after a number of steps, which changes linearly.
+
+    Args:
+        first: the amount before the first step, any shape.
+        final: the amount after ``over`` steps and more, same shape.
+        over: the number of steps from one to the other, > 0, same shape.
+        steps: the number of steps taken, int64, same shape.
+    """
+    return first + (final - first) * (steps / over).clamp(max=1)
+
+
 def boltzmann(action_values: Tensor, temperature: Tensor, u: Tensor) -> Tensor:
     """Choose a candidate with probability exp(Q/T)/Σexp(Q/T), by inverting the cumulative sum.
 
@@ -50,6 +76,20 @@ def boltzmann(action_values: Tensor, temperature: Tensor, u: Tensor) -> Tensor:
     # If rounding makes u·total the total, choose the last candidate with a probability above 0.
     passed = (below <= u * total) & (below < total)
     return passed.to(u.dtype).sum(0).int()
+
+
+def boltzmann_probabilities(action_values: Tensor, temperature: Tensor) -> Tensor:
+    """Return the probability with which :func:`boltzmann` chooses each candidate.
+
+    Args:
+        action_values: Q, ``[candidates, *runs]``.
+        temperature: T > 0, in units of Q, ``[*runs]``.
+
+    Returns:
+        ``[candidates, *runs]``.
+    """
+    strength = torch.exp((action_values - action_values.amax(0)) / temperature)
+    return strength / strength.sum(0)
 
 
 def noisy_greedy(action_values: Tensor, candidates: Tensor, noise_std: Tensor, u: Tensor) -> Tensor:

@@ -4,11 +4,14 @@ Each name has an entry in a registry: :data:`.q_lambda.VARIANTS`, :data:`.traces
 :data:`.step_size.STEP_SIZES` and, with the policies, :data:`fnnq_torchrl.agent.policy.POLICIES`.
 """
 
-VARIANTS = ("peng", "watkins", "naive")
-"""The variants of Q(λ)."""
+VARIANTS = ("peng", "watkins", "naive", "sarsa", "expected_sarsa")
+"""The variants of Q(λ), and the two of Sarsa(λ)."""
 
-TRACES = ("output", "gradient", "replacing", "window")
+TRACES = ("output", "gradient", "replacing", "window", "clearing", "dutch")
 """The kinds of trace; the first two are two readings of step h in the paper's Table 1."""
+
+BOOTSTRAPS = ("best", "chosen", "expected")
+"""The values of the next state: of the best action, of the action chosen, or their mean."""
 
 STEP_SIZES = ("decay", "constant", "obgd", "alpha_bound")
 """The rules for the step size."""

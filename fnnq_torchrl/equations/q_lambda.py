@@ -1,4 +1,4 @@
-"""One step of Q(λ) (paper, Table 1 and eq. 4, 5). The runs are the last dimension.
+"""One step of Q(λ) or Sarsa(λ) (paper, Table 1 and eq. 4, 5). The runs are the last dimension.
 
 Source: J. Peng, R. J. Williams, "Incremental multi-step Q-learning", Machine Learning 22, 1996.
 Two misprints of the paper are corrected. Table 1 f has Q̂ ← Q̂ + α·Tr; Peng and Williams have
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from fnnq_torchrl.equations.traces import TRACES, Credit, Credited
+from fnnq_torchrl.equations.traces import TRACES, Correction, Credit, Credited
 
 
 def td_errors(
@@ -29,7 +29,7 @@ def td_errors(
         terminated: whether s′ ends the task (bool); V(s′) is then taken as 0.
         value: V(s) = max Q(s, ·).
         chosen_value: Q(s, a).
-        next_value: V(s′) = max Q(s′, ·).
+        next_value: V(s′) = max Q(s′, ·), or what a variant of Sarsa takes instead.
         gamma: γ, the discount.
 
     Returns:
@@ -40,22 +40,27 @@ def td_errors(
 
 
 class Variant(NamedTuple):
-    """A variant of Q(λ): the error of earlier state-action pairs, and whether the trace is cut.
+    """A variant of Q(λ): its errors, and whether the trace is cut.
 
     Attributes:
         past_gets_td_error: whether earlier pairs are updated with δ; else with δ′, the error of
             the present pair.
         cuts: whether the trace is cut before an action that isn't greedy.
+        bootstrap: the value of the next state in both errors, a name in
+            :data:`fnnq_torchrl.equations.names.BOOTSTRAPS`.
     """
 
     past_gets_td_error: bool
     cuts: bool
+    bootstrap: str = "best"
 
 
 VARIANTS = {
     "peng": Variant(past_gets_td_error=True, cuts=False),
     "watkins": Variant(past_gets_td_error=False, cuts=True),
     "naive": Variant(past_gets_td_error=False, cuts=False),
+    "sarsa": Variant(past_gets_td_error=False, cuts=False, bootstrap="chosen"),
+    "expected_sarsa": Variant(past_gets_td_error=False, cuts=False, bootstrap="expected"),
 }
 """The variants by their names.
 
@@ -65,6 +70,11 @@ VARIANTS = {
   greedy (C. J. C. H. Watkins, "Learning from delayed rewards", 1989; R. S. Sutton, A. G. Barto,
   "Reinforcement learning", 1998, fig. 7.14).
 * ``naive``: Watkins' without the cut (Sutton & Barto, 1998, section 7.6).
+* ``sarsa``: all pairs are updated with r + γQ(s′, a′) − Q(s, a). The action a′ is chosen before the
+  update and taken in the next step, as in Sutton & Barto, 2018, section 12.7. In a world with one
+  action it is TD(λ).
+* ``expected_sarsa``: the same with the mean of Q(s′, ·) under the policy (H. van Seijen et al., "A
+  theoretical and empirical analysis of expected Sarsa", ADPRL 2009).
 
 All variants follow the order of Table 1. First e ← γλe. Then the weights change along e for the
 earlier pairs and along ∇Q(s, a) for the present pair; both errors are from the weights before the
@@ -83,7 +93,8 @@ class Rule:
         window: the number of steps that ``trace="window"`` keeps.
 
     Raises:
-        ValueError: if there is no such variant or trace, or a needed window is missing or below 1.
+        ValueError: if there is no such variant or trace, a needed window is missing or below 1, or
+            the trace is ``dutch`` and the variant isn't ``sarsa``.
     """
 
     def __init__(
@@ -93,6 +104,8 @@ class Rule:
             if given not in choices:
                 *others, last = choices
                 raise ValueError(f"{name}={given!r}: must be {', '.join(others)} or {last}")
+        if trace == "dutch" and variant != "sarsa":
+            raise ValueError(f"trace='dutch': needs variant='sarsa', not {variant!r}")
         self.variant = VARIANTS[variant]
         self.trace = TRACES[trace].of(window)
 
@@ -105,6 +118,9 @@ class Rule:
         decay: Tensor,
         greedy: Tensor | None,
         goes_on: Tensor,
+        *,
+        of_all: Sequence[Tensor] | None = None,
+        correction: Correction | None = None,
     ) -> Credited:
         """Return Δw and the new trace for every tensor of weights.
 
@@ -116,10 +132,14 @@ class Rule:
             greedy: 1 where the action was greedy, else 0, ``[runs]``; None if the trace is never
                 cut.
             goes_on: 0 where the episode has ended, also by truncation, else 1, ``[runs]``.
+            of_all: ∇ΣQ(s, ·) over all actions for each tensor, for a trace that ``clears``.
+            correction: for a trace that ``corrects``.
         """
         past_error = td_error if self.variant.past_gets_td_error else chosen_td_error
         at_once = not self.variant.past_gets_td_error
-        credit = Credit(past_error, chosen_td_error, decay, greedy, goes_on, at_once)
+        credit = Credit(
+            past_error, chosen_td_error, decay, greedy, goes_on, at_once, of_all, correction
+        )
         return self.trace.update(traces, gradients, credit)
 
     def present_trace(
@@ -128,19 +148,22 @@ class Rule:
         gradients: Sequence[Tensor],
         decay: Tensor,
         greedy: Tensor | None,
+        *,
+        of_all: Sequence[Tensor] | None = None,
     ) -> list[Tensor]:
         """Return z, the trace including the present pair. It equals Δw if both errors are 1.
 
             z = γλe + ∇Q(s, a),  or another combination that the kind of trace defines
 
         Args:
-            traces, gradients, decay, greedy: as in :meth:`update`.
+            traces, gradients, decay, greedy, of_all: as in :meth:`update`.
 
         Returns:
             z for each tensor of weights, ``[*weights, runs]``.
         """
         one = torch.ones_like(decay)
-        return [z for z, _ in self.update(traces, gradients, one, one, decay, greedy, one)]
+        credited = self.update(traces, gradients, one, one, decay, greedy, one, of_all=of_all)
+        return [z for z, _ in credited]
 
     def largest_error(self, td_error: Tensor, chosen_td_error: Tensor) -> Tensor:
         """Return the largest absolute value of the errors that the variant uses.

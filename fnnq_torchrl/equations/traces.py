@@ -11,10 +11,23 @@ Tr(s, a) ← Tr(s, a) + 1, changes e.
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from functools import reduce
-from typing import NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import torch
 from torch import Tensor
+
+
+class Correction(NamedTuple):
+    """What a dutch trace needs besides the errors, each ``[runs]``.
+
+    Attributes:
+        alpha: the step size α of this step.
+        change: Q(s, a) − Q_old, where Q_old is the value that the same pair had as (s′, a′), before
+            the last update; any number in the first step of an episode.
+    """
+
+    alpha: Tensor
+    change: Tensor
 
 
 class Credit(NamedTuple):
@@ -29,6 +42,9 @@ class Credit(NamedTuple):
         goes_on: 0 where the episode has ended, also by truncation, else 1, ``[runs]``.
         at_once: whether a replacing trace adds the present pair before Δw is computed, Δw = δ′e
             (Watkins), or afterwards, Δw = δe + δ′f (Table 1).
+        of_all: ∇ΣQ(s, ·) over all actions for each tensor of weights, ``[*weights, runs]``; None
+            unless the trace ``clears``.
+        correction: None unless the trace ``corrects``.
     """
 
     past_error: Tensor
@@ -37,6 +53,8 @@ class Credit(NamedTuple):
     keeps: Tensor | None
     goes_on: Tensor
     at_once: bool
+    of_all: Sequence[Tensor] | None = None
+    correction: Correction | None = None
 
 
 Credited = list[tuple[Tensor, Tensor]]
@@ -44,7 +62,15 @@ Credited = list[tuple[Tensor, Tensor]]
 
 
 class Trace(ABC):
-    """The base class of all traces."""
+    """The base class of all traces.
+
+    Attributes:
+        clears: whether :meth:`update` needs ``Credit.of_all``.
+        corrects: whether :meth:`update` needs ``Credit.correction``.
+    """
+
+    clears: ClassVar[bool] = False
+    corrects: ClassVar[bool] = False
 
     @classmethod
     def of(cls, window: int | None) -> Self:
@@ -129,11 +155,64 @@ class ReplacingTrace(Trace):
     ) -> Credited:
         past, present, decay, goes_on = _faded(credit)
         credited = []
-        for e, f in zip(traces, gradients, strict=True):
+        of_all = gradients if credit.of_all is None else credit.of_all
+        for e, f, all_ in zip(traces, gradients, of_all, strict=True):
             faded = decay * e
-            replaced = torch.where(f.abs() >= faded.abs(), f, faded)
+            replaced = self.replaced(faded, f, all_)
             direction = present * replaced if credit.at_once else past * faded + present * f
             credited.append((direction, goes_on * replaced))
+        return credited
+
+    def replaced(self, faded: Tensor, f: Tensor, of_all: Tensor) -> Tensor:
+        """Return e with the present pair, ``[*weights, runs]``.
+
+        Args:
+            faded: γλe.
+            f: ∇Q(s, a).
+            of_all: ∇ΣQ(s, ·), for a trace that ``clears``.
+        """
+        return torch.where(f.abs() >= faded.abs(), f, faded)
+
+
+class ClearingTrace(ReplacingTrace):
+    """A replacing trace that also becomes 0 where the other actions in s have their features.
+
+    It is meant for features that are 0 or 1, of a table or of tiles. Source: Singh & Sutton, 1996,
+    section 5; R. S. Sutton, A. G. Barto, "Reinforcement learning", 2018, section 12.7.
+    """
+
+    clears = True
+
+    def replaced(self, faded: Tensor, f: Tensor, of_all: Tensor) -> Tensor:
+        return torch.where(of_all != 0, f, faded)
+
+
+class DutchTrace(Trace):
+    """The trace of true online Sarsa(λ), and of true online TD(λ).
+
+        z = γλe + (1 − αγλ e·f)f;   Δw = (δ′ + Q − Q_old)z − (Q − Q_old)f;   e ← z
+
+    With it, the weights after each step are those of the online λ-return algorithm, if Q is linear
+    in the weights. Source: H. van Seijen, A. R. Mahmood, P. M. Pilarski, M. C. Machado, R. S.
+    Sutton, "True online temporal-difference learning", JMLR 17, 2016.
+    """
+
+    corrects = True
+
+    def update(
+        self, traces: Sequence[Tensor], gradients: Sequence[Tensor], credit: Credit
+    ) -> Credited:
+        if credit.correction is None:
+            raise ValueError("a dutch trace needs a correction: a step size that is known before")
+        alpha, change = credit.correction
+        _, error, decay, goes_on = _faded(credit)
+        pairs = [*zip(traces, gradients, strict=True)]
+        overlap = torch.stack([(e * f).flatten(0, -2).sum(0) for e, f in pairs]).sum(0)
+        share = 1 - alpha * decay * overlap
+        credited = []
+        for e, f in pairs:
+            z = decay * e + share * f
+            credited.append(((error + change) * z - change * f, goes_on * z))
         return credited
 
 
@@ -169,7 +248,7 @@ class WindowTrace(Trace):
     def update(
         self, traces: Sequence[Tensor], gradients: Sequence[Tensor], credit: Credit
     ) -> Credited:
-        past, present, decay, keeps, goes_on, _ = credit
+        past, present, decay, keeps, goes_on, *_ = credit
         kept = 1.0 if keeps is None else keeps
         credited = []
         for earlier, f in zip(traces, gradients, strict=True):
@@ -187,6 +266,8 @@ TRACES: dict[str, type[Trace]] = {
     "gradient": GradientTrace,
     "replacing": ReplacingTrace,
     "window": WindowTrace,
+    "clearing": ClearingTrace,
+    "dutch": DutchTrace,
 }
 """The traces by their names (:data:`fnnq_torchrl.equations.names.TRACES`).
 

@@ -78,7 +78,7 @@ def _groups(width: int) -> Iterator[str]:
     """Yield the groups of ``conf/`` with their choices."""
     yield "\nKeys that choose a file of conf/, which brings keys of its own\n"
     for folder in sorted(path.name for path in config_directory().iterdir() if path.is_dir()):
-        if folder != "hydra":
+        if folder not in ("hydra", "tuned"):  # tuned is chosen by the task and the value function
             key = f"+{folder}=" if folder == "experiment" else f"{folder}="
             yield _entry(key, ", ".join(choices_of(folder)), width)
 

@@ -6,9 +6,12 @@ from typing import NamedTuple, Self
 from fnnq_torchrl.config.schema import Config
 
 _WORDS = {
-    "return": "return, mean over the test's episodes",
-    "length": "steps of an episode, mean over the test's",
+    ("return", True): "return, mean over the test's episodes",
+    ("length", True): "steps of an episode, mean over the test's",
+    ("return", False): "return, mean over the episodes learned from",
+    ("length", False): "steps of an episode, mean over those learned from",
 }
+"""The words for a measure, with tests or without."""
 
 
 class Score(NamedTuple):
@@ -18,18 +21,19 @@ class Score(NamedTuple):
     low: float = 0.0
     high: float = inf
     successes: str = "successes"  # the world's word for successes, in the plural
+    tested: bool = True  # False if the score is that of the episodes learned from
 
     @classmethod
     def of(cls, config: Config) -> Self:
         """Return the score that the tests of a valid configuration have."""
         world = config.env.tested
         bounds = {
-            "successes": (0, config.evaluation.tests),
+            "successes": (0, config.best_score or 0),
             "return": world.returns or (-inf, inf),
             "length": (0, world.time_limit_steps),
         }
         low, high = bounds[world.measure]
-        return cls(world.measure, low, high, world.successes)
+        return cls(world.measure, low, high, world.successes, config.evaluation.tests > 0)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -44,8 +48,8 @@ class Score(NamedTuple):
     @property
     def words(self) -> str:
         """The words for the score as the label of an axis."""
-        if self.measure in _WORDS:
-            return _WORDS[self.measure]
+        if self.measure != "successes":
+            return _WORDS[self.measure, self.tested]
         of = f" of {self.high:g}" if isfinite(self.high) else ""
         return f"score ({self.successes}{of})"
 

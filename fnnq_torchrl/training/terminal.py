@@ -169,7 +169,7 @@ def print_summary(summary: Summary, picture: Path | None, console: Console | Non
     ):
         table.add_row(name, f"{mean:.2f}, {_interval(interval, summary['confidence'])}")
     if summary["measure"] != "successes":
-        table.add_row("score", f"{summary['measure']} of the test's episodes")
+        table.add_row("score", f"{summary['measure']} of an episode, mean")
     table.add_row("learning steps", f"{summary['learning_steps']:,}")
     rate = summary["learning_steps_per_second"]
     table.add_row("learning steps per second", "unknown" if rate is None else f"{rate:,.0f}")

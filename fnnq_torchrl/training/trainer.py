@@ -5,6 +5,7 @@ from typing import Self
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from tensordict import TensorDict
 
 from envs.worlds import make_world
@@ -106,6 +107,7 @@ class Trainer:
             largest_value=config.largest_value,
             learns=None if self._start is None else self._start.masks,
             count_firing=config.counts_firing,
+            count_earned=config.evaluation.tests == 0,
         )
 
     @torch.no_grad()
@@ -147,6 +149,8 @@ class Trainer:
         """
         engine, ledger = self.engine, self.ledger
         ledger.stop_where_not_finite()
+        if not self.config.evaluation.tests:
+            return self._outcome()
         # A test has no trace and only reads the weights, so twice as many lanes fit.
         lanes = lanes_for(self.situations_to_play, engine.workers, 2 * engine.most_lanes)
         with engine.threads(lanes * self._candidates), ledger.timed("evaluate"):
@@ -186,19 +190,15 @@ class Trainer:
         # A diverged run isn't tested any more. It gets the lowest possible return or, if the
         # world doesn't state a lowest return, its own return before learning.
         diverged = ledger.diverged.T.contiguous().numpy()
-        success, reward, length = (
-            ledger.results[key].transpose(0, 1).numpy() for key in ("success", "return", "length")
-        )
         world = config.env.tested
-        returns = reward.mean(axis=-1, dtype=np.float64)
+        catches, returns, lengths = self._tested() if config.evaluation.tests else self._earned()
         lowest = returns[:, :1] if world.returns is None else world.returns[0]
-        lengths = length.mean(axis=-1, dtype=np.float64)
         return Outcome(
             seed=self._runs["seed"],
             lam=self._runs["lam"],
             situations=np.arange(len(pages)) * config.evaluation.every,
             steps=pages["steps"].T.contiguous().cpu().numpy(),
-            catches=success.sum(axis=-1, dtype=np.int64),
+            catches=catches,
             diverged=diverged,
             returns=np.where(diverged, lowest, returns),
             lengths=np.where(diverged, world.time_limit_steps, lengths),
@@ -208,6 +208,34 @@ class Trainer:
             train_seconds=ledger.seconds["train"],
             compile_seconds=ledger.seconds["compile"],
             evaluate_seconds=ledger.seconds["evaluate"],
+        )
+
+    def _tested(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return successes, returns and lengths of the tests, each ``[runs, evaluations]``."""
+        success, reward, length = (
+            self.ledger.results[key].transpose(0, 1).numpy()
+            for key in ("success", "return", "length")
+        )
+        return (
+            success.sum(axis=-1, dtype=np.int64),
+            reward.mean(axis=-1, dtype=np.float64),
+            length.mean(axis=-1, dtype=np.float64),
+        )
+
+    def _earned(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the same of the situations learned from since the evaluation before.
+
+        Before learning there are none: the return and the length are NaN.
+        """
+        pages, every = self.ledger.book.pages, self.config.evaluation.every
+        success, reward, steps = (
+            pages[key].T.contiguous().cpu().numpy() for key in ("success", "return", "steps")
+        )
+        none = np.full((len(steps), 1), np.nan)
+        return (
+            success,
+            np.concatenate([none, reward[:, 1:].astype(np.float64) / every], axis=1),
+            np.concatenate([none, np.diff(steps) / every], axis=1),
         )
 
     @property

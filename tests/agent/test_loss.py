@@ -10,6 +10,7 @@ from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, ValueEstimators
 
 from envs.robot.follow import FollowBall
+from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.eligibility_trace import EligibilityTrace
 from fnnq_torchrl.agent.loss import PengQLambdaLoss
 from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
@@ -275,6 +276,55 @@ def test_with_sgd_the_hook_learns_what_the_program_learns(
     assert state["episode"].min() > 2
     for name, weight in network.named_parameters():
         torch.testing.assert_close(weight.detach(), expected[name], rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize(("trace_name", "value"), [("dutch", "fnnq"), ("clearing", "table")])
+def test_with_sgd_the_hook_learns_sarsa_as_the_program_does(trace_name: str, value: str) -> None:
+    """The next action is chosen before the update, and taken in the next step."""
+    settings = config(
+        "variant=sarsa",
+        f"trace={trace_name}",
+        f"value={value}",
+        "alpha_decay=1",
+        "machine.dtype=float64",
+    )
+    run = make_runs(settings, RUNS, lam=real(0.0, 0.2, 0.8, 1.0))
+    candidates = make_candidates(settings, torch.float64)
+    network = fill(make_value_network(settings.value, candidates, RUNS), seed=1)
+    expected = advance(make_learner(settings, run, network), run, STEPS)["weights", "weight"]
+
+    env = FollowBall(settings.env, [RUNS], dtype=torch.float64, seed=0)
+    policy = EpsilonGreedyPolicy(network, run["epsilon"])
+    loss = PengQLambdaLoss(network, run["gamma"], bootstrap="chosen")
+    trace = EligibilityTrace(loss, run["lam"], Rule("sarsa", trace_name), settings.alpha)
+    optimizer = torch.optim.SGD(network.parameters(), lr=settings.alpha)
+    with torch.no_grad():
+        state = policy(env.start(run["seed"], torch.zeros_like(run["seed"])))
+    for _ in range(STEPS):
+        with torch.no_grad():
+            batch = env.step(state)
+            policy(batch["next"])
+            ahead = batch["next"].select("action_value", "action").clone()
+        losses = trace(batch, loss(batch))
+        losses["loss"].backward()
+        optimizer.step()
+        optimizer.zero_grad()
+        with torch.no_grad():
+            state = policy(env.restart(batch["next"]))
+        goes_on = ~batch["next", "done"]
+        state["action"] = torch.where(goes_on, ahead["action"], state["action"])
+    assert state["episode"].min() > 2
+    torch.testing.assert_close(network.weight.detach(), expected, rtol=1e-9, atol=1e-11)
+
+
+def test_a_dutch_trace_needs_the_step_size_and_a_variant_its_bootstrap() -> None:
+    loss = PengQLambdaLoss(fnn(), GAMMA, bootstrap="chosen")
+    with pytest.raises(ValueError, match="alpha=None: a dutch trace needs the step size"):
+        EligibilityTrace(loss, 0.5, Rule("sarsa", "dutch"))
+    with pytest.raises(ValueError, match="bootstrap='chosen': this variant needs 'best'"):
+        EligibilityTrace(loss, 0.5)
+    with pytest.raises(ValueError, match="bootstrap='worst': must be best, chosen or expected"):
+        PengQLambdaLoss(fnn(), GAMMA, bootstrap="worst")
 
 
 @READINGS

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import torch
+import yaml
 from hydra import initialize_config_dir, version
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.utils import JobRuntime
@@ -19,7 +20,7 @@ from envs.schemas import SCHEMAS as WORLDS
 from envs.worlds import WORLDS as CLASSES
 from fnnq_torchrl.agent.values import NETWORKS
 from fnnq_torchrl.config.checking import UnknownKey, ranges_of, to_config
-from fnnq_torchrl.config.choices import config_directory
+from fnnq_torchrl.config.choices import choices_of, config_directory
 from fnnq_torchrl.config.runs import Runs
 from fnnq_torchrl.config.schema import PER_RUN, Config, ConfigError, OutOfRange
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
@@ -35,7 +36,8 @@ CHOICES = {
         FILES - {Path("config.yaml"), Path("paper_runs.yaml"), Path("action/all.yaml")}
     )
     # A task chooses its labels, and those with an underscore are what others are made of.
-    if path.parent != Path("value/labels") and not path.stem.startswith("_")
+    if path.parent not in (Path("value/labels"), Path("tuned")) and not path.stem.startswith("_")
+    if path.stem != "own"  # a class of the user's is missing
     if path.suffix == ".yaml"
 }
 
@@ -61,6 +63,8 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "gamma": 0.95,
         "exploration": "epsilon_greedy",
         "epsilon": 0.1,
+        "epsilon_final": None,
+        "epsilon_over": 1,
         "temperature": 0.01,
         "noise_std": 0.3,
         "variant": "peng",
@@ -126,13 +130,27 @@ def test_the_defaults_are_the_papers_and_spec(default):
 
 def with_task(choice: str) -> tuple[str, ...]:
     """A choice, with its own task if it is a world that wants another test than the default's."""
-    kind = choice.removeprefix("env=")
-    return (choice, f"task={kind}") if kind in ("follow_obstacles", "wander") else (choice,)
+    tasks = [task for task in choices_of("task") if choice.startswith(f"env={task}")]
+    return (choice, f"task={max(tasks, key=len)}") if tasks else (choice,)
 
 
 @pytest.mark.parametrize("choice", CHOICES.values())
 def test_every_shipped_yaml_composes(choice):
     load_config(*with_task(choice))
+
+
+@pytest.mark.parametrize("name", choices_of("tuned"))
+def test_a_tuned_file_is_that_of_a_task_and_a_value_function(name):
+    task, _, value = name.rpartition("_")
+    tuned = yaml.safe_load((CONF / "tuned" / f"{name}.yaml").read_text())
+    config = load_config(f"task={task}", f"value={value}")
+    for key, number in tuned.items():
+        if key == "value":
+            assert {name: getattr(config.value, name) for name in number} == number
+        else:
+            assert getattr(config, key) == number
+    # The command line takes precedence over it.
+    assert load_config(f"task={task}", f"value={value}", "alpha=0.77").alpha == 0.77
 
 
 def test_every_shipped_file_is_yaml():
@@ -208,8 +226,9 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             "env.kind=maze",
-            "env.kind=maze: must be follow_ball, follow_obstacles, follow_one_side, wander or your "
-            "own module:Class",
+            "env.kind=maze: must be acrobot, cart_pole, follow_ball, follow_obstacles, "
+            "follow_one_side, gymnasium, mountain_car, random_walk, wander or your own "
+            "module:Class",
         ),
         ("env.kind=nowhere:Maze", "env.kind=nowhere:Maze: No module named 'nowhere'"),
         (
@@ -248,19 +267,33 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         (
             "evaluation.situations=[]",
             "evaluation.situations=[]: must be a list of at least one start [number, …], "
-            "or a whole number >= 1",
+            "or a whole number >= 0",
         ),
         (
             "evaluation.situations=[[0.1]]",
             "evaluation.situations=[[0.1]]: must be a list of starts [angle, speed], "
             "or a whole number of random starts",
         ),
+        (["trace=dutch"], "variant=peng: must be sarsa with trace=dutch"),
+        (
+            ["trace=dutch", "variant=sarsa", "step_size=obgd"],
+            "step_size=obgd: must be decay or constant with trace=dutch",
+        ),
+        (
+            ["trace=dutch", "variant=sarsa", "rules.frozen=[ahead]"],
+            "rules.frozen=['ahead']: must be [] with trace=dutch",
+        ),
+        (["trace=clearing"], "value.kind=fnnq: must be table or tiles with trace=clearing"),
+        (
+            ["variant=expected_sarsa", "exploration=noise"],
+            "exploration=noise: must be epsilon_greedy or boltzmann with variant=expected_sarsa",
+        ),
         ("lam=", "lam=: must be a number in [0, 1]"),
         ("lam=null", "lam=null: must be a number in [0, 1]"),
         ("lam=true", "lam=True: must be a number in [0, 1]"),
         ("alpha=-1", "alpha=-1.0: must be a number in [0, inf)"),
         ("seed=-1", "seed=-1: must be a whole number >= 0"),
-        ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1"),
+        ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1, or null"),
         ("evaluation.every=3", "situations=200: must be a whole multiple of evaluation.every=3"),
         ("situations=0", "situations=0: must be a whole number >= 1"),
         (

@@ -25,7 +25,7 @@ def test_a_batch_has_the_runs_of_all_its_jobs(configs: list[Config]) -> None:
     assert set(runs.columns) == set(PER_RUN)
     for key, column in runs.columns.items():
         of_each = [
-            each.seed + run if key == "seed" else getattr(each, key)
+            each.seed + run if key == "seed" else each.of_run(key)
             for each in configs
             for run in range(each.num_seeds)
         ]

@@ -451,6 +451,21 @@ def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: s
     assert not different(state[:1], learn(many, STEPS)[13:14])
 
 
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ("trace=dutch", "variant=sarsa", "epsilon=1", "epsilon_final=0.1", "epsilon_over=20"),
+        pytest.param(
+            ("trace=clearing", "variant=expected_sarsa", "value=table"), marks=pytest.mark.long
+        ),
+    ],
+    ids=" ".join,
+)
+def test_it_learns_on_policy_what_the_eager_engine_learns(overrides: tuple[str, ...]) -> None:
+    settings = config("machine.dtype=float64", *overrides)
+    assert_learned_alike(compile_learning(settings, make_runs(settings, LANES)), 1e-10, 1e-12)
+
+
 LAYERS = ("value=mlp", "value.widths=[24, 24]", "alpha=0.05", "lam=0.8")
 
 

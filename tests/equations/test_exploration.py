@@ -9,8 +9,11 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from fnnq_torchrl.equations.exploration import (
+    annealed,
     boltzmann,
+    boltzmann_probabilities,
     epsilon_greedy,
+    epsilon_greedy_probabilities,
     is_greedy,
     noisy_greedy,
     normal_quantile,
@@ -194,3 +197,28 @@ def test_greedy_is_any_of_the_best_candidates() -> None:
     values = torch.tensor([2.0, 2.0, 0.0]).unsqueeze(-1).expand(-1, 4)
     action = torch.tensor([-1.0, 0.0, 1.0, 0.001])
     assert is_greedy(values, candidates, action).tolist() == [1, 1, 0, 0]
+
+
+@pytest.mark.parametrize("epsilon", [0.0, 0.3, 1.0])
+def test_the_probabilities_are_those_of_the_choices(epsilon: float) -> None:
+    """Counted over 10,000 evenly spaced numbers u."""
+    values = torch.tensor([1.0, 3.0, 3.0, -2.0], dtype=torch.float64)
+    u = (torch.arange(10_000, dtype=torch.float64) + 0.5) / 10_000
+    every = values.unsqueeze(-1).expand(-1, len(u))
+    for choose, probabilities, amount in (
+        (epsilon_greedy, epsilon_greedy_probabilities, epsilon),
+        (boltzmann, boltzmann_probabilities, 0.5 + epsilon),
+    ):
+        amounts = torch.full_like(u, amount)
+        counts = torch.bincount(choose(every, amounts, u).long(), minlength=4) / len(u)
+        expected = probabilities(every, amounts)
+        assert torch.equal(expected[:, 0], expected[:, -1])
+        torch.testing.assert_close(counts.double(), expected[:, 0], rtol=0, atol=3e-4)
+
+
+def test_annealing_is_linear_and_then_stays() -> None:
+    first, final, over = (torch.tensor(x) for x in ([1.0, 0.1], [0.5, 0.1], [10.0, 1.0]))
+    found = [annealed(first, final, over, torch.tensor(step)).tolist() for step in (0, 5, 10, 99)]
+    assert [one for one, _ in found] == [1.0, 0.75, 0.5, 0.5]
+    # ε is exactly the same where it doesn't change.
+    assert {other for _, other in found} == {torch.tensor(0.1).item()}

@@ -35,8 +35,9 @@ def test_an_end_has_no_value_even_where_the_network_has_none() -> None:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"trace": "ouput"}, "trace='ouput': must be output, gradient, replacing or window"),
-        ({"variant": "peg"}, "variant='peg': must be peng, watkins or naive"),
+        ({"trace": "ouput"}, "trace='ouput': must be output, gradient, replacing, window, "),
+        ({"variant": "peg"}, "variant='peg': must be peng, watkins, naive, sarsa or exp"),
+        ({"trace": "dutch"}, "trace='dutch': needs variant='sarsa', not 'peng'"),
         ({"trace": "window", "window": 0}, "window=0: must be at least 1"),
         ({"trace": "window"}, "trace='window': needs window"),
     ],

@@ -1,8 +1,12 @@
+import pytest
 import torch
 from torch import Tensor
 
 from fnnq_torchrl.equations.traces import (
+    ClearingTrace,
+    Correction,
     Credit,
+    DutchTrace,
     GradientTrace,
     OutputTrace,
     ReplacingTrace,
@@ -73,6 +77,42 @@ def test_a_replacing_trace_by_hand() -> None:
         at_an_end = credit._replace(goes_on=real(0.0))
         [(_, over)] = ReplacingTrace().update([trace], [gradient], at_an_end)
         assert (over == 0).all()
+
+
+def test_a_clearing_trace_by_hand() -> None:
+    # Two states of two actions each; the trace decays from (2, 1, 4, 0) to (1, 0.5, 2, 0). The
+    # second action of the first state is chosen, so its trace is 1, and the other's is 0.
+    trace, gradient, of_all = (
+        real(*x).view(4, 1) for x in ((2.0, 1.0, 4.0, 0.0), (0.0, 1.0, 0, 0), (1.0, 1.0, 0, 0))
+    )
+    credit = Credit(real(9.0), real(2.0), real(0.5), None, real(1.0), at_once=True, of_all=[of_all])
+    [(direction, after)] = ClearingTrace().update([trace], [gradient], credit)
+    assert after.flatten().tolist() == [0.0, 1.0, 2.0, 0.0]
+    assert direction.flatten().tolist() == [0.0, 2.0, 4.0, 0.0]
+
+
+def test_a_dutch_trace_by_hand() -> None:
+    # α = 0.5, γλ = 0.5, e = (2, 0), f = (1, 1): e·f = 2, so z = (1, 0) + (1 − 0.5·0.5·2)f =
+    # (1.5, 0.5). With δ′ = 3 and Q − Q_old = 1, Δw = 4z − f = (5, 1).
+    trace, gradient = real(2.0, 0.0).view(2, 1), real(1.0, 1.0).view(2, 1)
+    credit = Credit(
+        past_error=real(-7.0),  # unused
+        present_error=real(3.0),
+        decay=real(0.5),
+        keeps=None,
+        goes_on=real(1.0),
+        at_once=True,
+        correction=Correction(alpha=real(0.5), change=real(1.0)),
+    )
+    [(direction, after)] = DutchTrace().update([trace], [gradient], credit)
+    assert after.flatten().tolist() == [1.5, 0.5]
+    assert direction.flatten().tolist() == [5.0, 1.0]
+    # The overlap e·f is that of all tensors of weights together.
+    halves = [x.split(1) for x in (trace, gradient)]
+    both = DutchTrace().update(*map(list, halves), credit)
+    assert [x.item() for _, x in both] == [1.5, 0.5]
+    with pytest.raises(ValueError, match="a dutch trace needs a correction"):
+        DutchTrace().update([trace], [gradient], credit._replace(correction=None))
 
 
 def test_a_window_by_hand() -> None:

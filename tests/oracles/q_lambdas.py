@@ -1,12 +1,13 @@
-"""Watkins', naive and Peng's Q(λ) for a table of states × actions, as in their sources.
+"""Watkins', naive and Peng's Q(λ) and Sarsa(λ) for a table, as in their sources.
 
 Watkins' and naive Q(λ) are from R. S. Sutton, A. G. Barto, "Reinforcement learning", 1998, fig.
 7.14 and section 7.6: the present pair enters the trace before the update, so all pairs get αδ′e.
-Peng's Q(λ) is the paper's Table 1, where the present pair enters the trace after the update. The
-sources of the step sizes are in `equations.step_size`.
+Peng's Q(λ) is the paper's Table 1, where the present pair enters the trace after the update.
+Sarsa(λ) and true online Sarsa(λ) are from Sutton & Barto, 2018, section 12.7. The sources of the
+step sizes are in `equations.step_size`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 
 from .peng import Learned, Table, World, epsilon_greedy
@@ -37,17 +38,34 @@ def q_lambda(
         state, chance = world.start(episode)
         visits: Visits = []
         step, done = 0, False
+        action = epsilon_greedy(q[state], epsilon, chance)
+        dutch = [[0.0] * actions for _ in range(states)]
+        q_old = 0.0
         while not done:
-            action = epsilon_greedy(q[state], epsilon, chance)
+            if variant != "sarsa":
+                action = epsilon_greedy(q[state], epsilon, chance)
             if variant == "watkins" and q[state][action] < max(q[state]):
                 visits = []
             step += 1
             reward, after, terminated, done, success, chance = world.move(
                 state, action, episode, step
             )
-            target = reward + (0.0 if terminated else gamma * max(q[after]))
+            next_action = epsilon_greedy(q[after], epsilon, chance)
+            next_value = {
+                "sarsa": q[after][next_action],
+                "expected_sarsa": mean_value(q[after], epsilon),
+            }.get(variant, max(q[after]))
+            target = reward + (0.0 if terminated else gamma * next_value)
             error, chosen_error = target - max(q[state]), target - q[state][action]
-            if variant == "peng":
+            if trace == "dutch":
+                overlap = alpha * gamma * lam * dutch[state][action]
+                dutch = [[gamma * lam * x for x in row] for row in dutch]
+                dutch[state][action] += 1 - overlap
+                change = q[state][action] - q_old
+                direction = [[(chosen_error + change) * x for x in row] for row in dutch]
+                direction[state][action] -= change
+                q_old = next_value
+            elif variant == "peng":
                 e = eligibility(visits, states, actions, trace, window, gamma * lam)
                 z = [[gamma * lam * x for x in row] for row in e]
                 direction = [[error * x for x in row] for row in z]
@@ -65,6 +83,7 @@ def q_lambda(
                 reach = alpha * kappa * max(largest_error, 1) * sum(map(sum, z))
                 size = alpha / max(reach, 1)
             elif step_size == "alpha_bound":
+                assert variant in ("peng", "watkins", "naive")
                 best = [
                     x for x, value in zip(z[after], q[after], strict=True) if value == max(q[after])
                 ]
@@ -79,7 +98,7 @@ def q_lambda(
             if success:
                 alpha = alpha_decay * alpha
             yield Learned([*map(list.copy, q)], [], alpha)
-            state = after
+            state, action = after, next_action
         episode += 1
 
 
@@ -88,12 +107,21 @@ def eligibility(
 ) -> Table:
     """Return every pair's sum of (γλ)ᵏ over its visits k steps ago.
 
-    Only the pair's latest visit counts under ``replacing``, only the last visits under ``window``.
+    Only the pair's latest visit counts under ``replacing``, only the last visits under ``window``,
+    and only the latest visit of a state under ``clearing``.
     """
     e = [[0.0] * actions for _ in range(states)]
     for k, (state, action) in enumerate(islice(visits, window if trace == "window" else None)):
+        if trace == "clearing" and any(e[state]):
+            continue
         share = decay**k
         e[state][action] = (
             max(e[state][action], share) if trace == "replacing" else (e[state][action] + share)
         )
     return e
+
+
+def mean_value(values: Sequence[float], epsilon: float) -> float:
+    """Return the mean value of an ε-greedy action."""
+    best = [value for value in values if value == max(values)]
+    return epsilon * sum(values) / len(values) + (1 - epsilon) * sum(best) / len(best)

@@ -6,6 +6,8 @@ import pytest
 import torch
 from torch import Tensor
 
+from envs import make_world
+from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.trainer import Trainer
 from tests.programs import config, make_learner, make_runs
@@ -143,3 +145,34 @@ def test_the_configuration_reaches_the_learner(
 
 def test_double_precision() -> None:
     assert learned(machine=replace(SETTINGS.machine, dtype="float64")).dtype == torch.float64
+
+
+def test_without_tests_the_scores_are_those_of_the_situations_learned_from() -> None:
+    """In random walks, whose returns are the ends' rewards, and whose steps are all counted."""
+    settings = load_config(
+        "task=random_walk", "situations=6", "evaluation.every=2", "num_seeds=8", "engine=eager"
+    )
+    trainer = Trainer.of(settings)
+    trainer.learn()
+    outcome = trainer.evaluate()
+    assert outcome.situations.tolist() == [0, 2, 4, 6]
+    assert np.isnan(outcome.returns[:, 0]).all()
+    assert np.isnan(outcome.lengths[:, 0]).all()
+    # Of two walks with k ends on the right, the mean return is (k − (2 − k))/2.
+    assert np.array_equal(outcome.returns[:, 1:], outcome.catches[:, 1:] - 1.0)
+    assert np.array_equal(outcome.lengths[:, 1:] * 2, np.diff(outcome.steps))
+    assert outcome.lengths[:, 1:].min() >= 10
+    assert {*outcome.catches[:, 1:].flatten().tolist()} == {0, 1, 2}
+    # The rewards are those of the runs' own walks.
+    env = make_world(settings.env, [8], seed=0)
+    state, sums = env.reset(), torch.zeros(8, 1)
+    while (state["episode"] < 2).any():
+        counts = state["episode"] < 2
+        after = env.step(state.set("action", torch.zeros(8, 1)))["next"]
+        sums += torch.where(counts, after["reward"], 0)
+        state = env.restart(after)
+    assert np.array_equal(outcome.returns[:, 1], sums.squeeze(-1).numpy() / 2)
+
+
+def test_rows_come_at_the_end_only_if_nothing_else_is_said() -> None:
+    assert load_config("task=random_walk", "situations=30").evaluation.every == 30

@@ -296,7 +296,7 @@ def partition(
         both = (*config.inputs.values(), config.action)
         labels = [[membership_of(label, config.width) for label in each] for each in both]
     actions = world.actions
-    action_range = (0.0, actions - 1.0) if isinstance(actions, int) else actions
+    action_range = (0.0, max(1.0, actions - 1.0)) if isinstance(actions, int) else actions
     ranges = {**world.observations, world.action_name: action_range}
     variables = []
     for name, its_labels in zip((*config.inputs, world.action_name), labels, strict=True):

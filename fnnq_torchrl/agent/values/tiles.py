@@ -18,9 +18,10 @@ Span = Sequence[float]
 class TilesValue(ValueNetwork):
     """Tile coding: Q(s, a) is the sum of one weight of every tiling, that of the tile at (s, a).
 
-    A tiling is a grid over all inputs and the action. Tiling t is offset by t·(1, 3, 5, …)/tilings
-    of a tile along input 1, 2, 3, …, modulo a tile. To cover the range despite its offset, a grid
-    has one extra tile along each dimension. A number beyond the range falls into the edge's tile.
+    A tiling is a grid over all inputs and the action; the actions of a fixed set have tiles of
+    their own instead. Tiling t is offset by t·(1, 3, 5, …)/tilings of a tile along input 1, 2, 3,
+    …, modulo a tile. To cover the range despite its offset, a grid has one extra tile along each
+    dimension. A number beyond the range falls into the edge's tile.
 
     Every run has its own weights, all zero at the start: ``weight`` is ``[runs, tiles of input 1,
     …, action tiles, tilings]``, with the runs last in memory.
@@ -30,7 +31,7 @@ class TilesValue(ValueNetwork):
 
     Args:
         inputs: the range (low, high) of each observation, by its key in the TensorDict.
-        action: the range (low, high) of the action.
+        action: the range (low, high) of the action; None for tiles of each candidate's own.
         candidates: the candidate actions, ``[candidates]``, in the network's dtype and device.
         tilings: the number of grids.
         tiles: the number of tiles that fit into each range.
@@ -45,7 +46,7 @@ class TilesValue(ValueNetwork):
     def __init__(
         self,
         inputs: Mapping[str, Span],
-        action: Span,
+        action: Span | None,
         candidates: Tensor,
         *,
         tilings: int,
@@ -53,17 +54,18 @@ class TilesValue(ValueNetwork):
         runs: int = 1,
     ) -> None:
         super().__init__(list(inputs), candidates)
-        self._spans = [*inputs.values(), action]
+        self._spans = [*inputs.values(), *([] if action is None else [action])]
         self._tiles = tiles
         for i in range(len(self._spans)):
             number = torch.arange(tilings) * (2 * i + 1) % tilings
             offset = number.float() / tilings
             self.register_buffer(f"offset_{i}", offset.to(candidates).unsqueeze(-1))
         self.register_buffer("numbers", torch.arange(tiles + 1).to(candidates))
+        self._tilings = tilings
         # The candidates never change, so neither do their tiles.
-        at = self._tiles_at(len(inputs), candidates.unsqueeze(-1))
+        at = self._action_at(candidates.unsqueeze(-1))
         self.register_buffer("candidate_tiles", at.argmax(0).squeeze(-1), persistent=False)
-        weights = candidates.new_zeros([*[tiles + 1] * len(self._spans), tilings, runs])
+        weights = candidates.new_zeros([*[tiles + 1] * len(inputs), len(at), tilings, runs])
         self.weight = nn.Parameter(runs_first(weights))
 
     @classmethod
@@ -85,9 +87,16 @@ class TilesValue(ValueNetwork):
             tiles = self.candidate_tiles.view(candidates, *[1] * (rules.ndim - 3), tilings, 1)
             of_each_tiling = rules.gather(0, tiles.expand(-1, *rules.shape[1:]))
         else:
-            action_at = self._tiles_at(len(at), runs_last(action.squeeze(-1)).unsqueeze(0))
+            action_at = self._action_at(runs_last(action.squeeze(-1)).unsqueeze(0))
             of_each_tiling = defuzzify(runs_last(self.weight), at, action_at)
         return of_each_tiling.sum(-2).movedim((0, -1), (-1, 0))
+
+    def _action_at(self, action: Tensor) -> Tensor:
+        """Return the tile of each action, one-hot; arguments and shape as in :meth:`_tiles_at`."""
+        if len(self._spans) > len(self.in_keys):
+            return self._tiles_at(len(self.in_keys), action)
+        own = self.candidates.view(-1, *[1] * (action.ndim + 1)) == action.unsqueeze(-2)
+        return own.to(action.dtype).expand(*[-1] * action.ndim, self._tilings, -1)
 
     def _tiles_at(self, i: int, x: Tensor) -> Tensor:
         """Return the tile that contains each number, one-hot, along one dimension of every grid.

@@ -38,7 +38,8 @@ class Ledger:
         weights: the weights before learning, by name, each ``[runs, *weights]``.
         every: the number of situations from one evaluation to the next.
         evaluations: the number of evaluations, including the one before learning.
-        tests: the number of situations in each evaluation.
+        tests: the number of situations in each evaluation; if 0, what learning itself earns is
+            kept instead.
         count_firing: whether to keep ``fired``.
     """
 
@@ -53,7 +54,7 @@ class Ledger:
         count_firing: bool = False,
     ) -> None:
         self._bits = torch.from_numpy(runs.bits)
-        self.book = SnapshotBook(weights, every, evaluations)
+        self.book = SnapshotBook(weights, every, evaluations, count_earned=tests == 0)
         self.learned = torch.zeros(len(runs), dtype=torch.int64)
         self.diverged = torch.zeros(evaluations, len(runs), dtype=torch.bool)
         self.hands: Sequence[Hand] = ()

@@ -14,7 +14,8 @@ class SnapshotBook:
 
     Attributes:
         pages: the snapshots, a page for each evaluation, batch size ``[evaluations, runs]``:
-            ``weights`` by name, and ``steps``, int64. The first page is that before learning.
+            ``weights`` by name, ``steps``, int64, and, if earnings are counted, ``return`` and
+            ``success`` since the page before. The first page is that before learning.
         collected: the index of the last page that each run has reached, int64 ``[runs]``.
         every: the number of situations from one evaluation to the next.
 
@@ -22,9 +23,17 @@ class SnapshotBook:
         weights: the weights before learning, by name, each ``[runs, *weights]``.
         every: the number of situations from one evaluation to the next.
         evaluations: the number of evaluations, including the one before learning.
+        count_earned: whether to keep what the learner's snapshots have as ``earned``.
     """
 
-    def __init__(self, weights: Mapping[str, Tensor], every: int, evaluations: int):
+    def __init__(
+        self,
+        weights: Mapping[str, Tensor],
+        every: int,
+        evaluations: int,
+        *,
+        count_earned: bool = False,
+    ):
         self.every = every
         self._last = evaluations - 1
         first = next(iter(weights.values()))
@@ -42,6 +51,10 @@ class SnapshotBook:
         )
         for name, weight in weights.items():
             self.pages["weights", name][0] = weight
+        self._earned = ("return", "success") if count_earned else ()
+        for key in self._earned:
+            dtype = torch.int64 if key == "success" else first.dtype
+            self.pages[key] = torch.zeros(shape, dtype=dtype, device=device)
         self.collected = torch.zeros(runs, dtype=torch.int64)
 
     def close(self, runs: Tensor, steps: Tensor) -> None:
@@ -84,4 +97,6 @@ class SnapshotBook:
             for name, weight in snapshot["weights"].items():
                 self.pages["weights", name][due, runs] = weight[lanes]
             self.pages["steps"][due, runs] = snapshot["steps"][lanes].squeeze(-1)
+            for key in self._earned:
+                self.pages[key][due, runs] = snapshot["earned", key][lanes].squeeze(-1)
             self.collected[runs] = due

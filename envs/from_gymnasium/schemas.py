@@ -1,0 +1,144 @@
+"""The parameters of a world made from a Gymnasium environment, whose spaces say the rest."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from math import inf
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from envs.core.parameters import ConfigError, check, matching
+from envs.core.world import Range, WorldConfig
+
+if TYPE_CHECKING:
+    import gymnasium
+
+_WARM_UP = 2_000
+"""The number of random steps that show the usual range of an observation without limits."""
+
+_ENDLESS = 1e30
+"""The number from which a limit counts as infinite; some spaces have float32's largest."""
+
+
+class Spaces(NamedTuple):
+    """What an environment's spaces say.
+
+    Attributes:
+        observations: the range of each number of an observation.
+        usual: the same, with the ranges seen in random play in place of infinite ones.
+        actions: the range of the action, or the number of actions.
+        first_action: the number of the first action of a fixed set.
+    """
+
+    observations: list[Range]
+    usual: list[Range]
+    actions: Range | int
+    first_action: int
+
+
+@dataclass
+class GymnasiumConfig(WorldConfig):
+    """The parameters of ``gymnasium``, any environment of Gymnasium's registry.
+
+    Observations are called ``x0``, ``x1`` and so on.
+    """
+
+    id: str = matching(r"[\w.:/-]{1,200}", "the name of an environment, such as CartPole-v1")
+
+    measure: ClassVar = "return"
+    compiles: ClassVar = False
+
+    @property
+    def spaces(self) -> Spaces:
+        """What the environment's spaces say.
+
+        Raises:
+            ConfigError: if there is no such environment, or its spaces don't suit.
+        """
+        check(self, "env.")
+        return spaces_of(self.id)
+
+    @property
+    def observations(self) -> Mapping[str, Range]:
+        """The range of each number of an observation."""
+        return {f"x{i}": span for i, span in enumerate(self.spaces.observations)}
+
+    @property
+    def usual(self) -> Mapping[str, Range]:
+        """The range of each number; one without limits has the range of 2,000 random steps."""
+        return {f"x{i}": span for i, span in enumerate(self.spaces.usual)}
+
+    @property
+    def actions(self) -> Range | int:
+        """The range of the action, or the number of actions."""
+        return self.spaces.actions
+
+
+def make(name: str, **settings: Any) -> "gymnasium.Env[Any, Any]":
+    """Make an environment of Gymnasium's registry.
+
+    Raises:
+        ConfigError: if it can't be made. One line.
+    """
+    try:
+        import gymnasium
+    except ImportError as error:
+        line = "needs Gymnasium: pip install 'fnnq_torchrl[gymnasium]'"
+        raise ConfigError(f"env.id={name}: {line}") from error
+    try:
+        return gymnasium.make(name, **settings)
+    except Exception as error:  # a missing library, an unknown name, or the environment's own
+        reason = " ".join(str(error).split())
+        raise ConfigError(f"env.id={name}: {reason}") from error
+
+
+@cache
+def spaces_of(name: str) -> Spaces:
+    """Return what the spaces of an environment say.
+
+    Raises:
+        ConfigError: if there is no such environment, or its spaces don't suit.
+    """
+    from gymnasium.spaces import Box, Discrete
+
+    env = make(name)
+    seen, acts = env.observation_space, env.action_space
+    if isinstance(seen, Discrete):
+        spans = [(float(seen.start), float(seen.start + seen.n - 1))]
+    elif isinstance(seen, Box) and len(seen.shape) == 1:
+        ends = zip(seen.low.tolist(), seen.high.tolist(), strict=True)
+        spans = [(_end(low), _end(high)) for low, high in ends]
+    else:
+        raise ConfigError(f"env.id={name}: its observations must be a row of numbers, not {seen}")
+    first = 0
+    actions: Range | int | None = None
+    if isinstance(acts, Discrete):
+        first, actions = int(acts.start), int(acts.n)
+    elif isinstance(acts, Box) and acts.shape == (1,):
+        low, high = _end(acts.low.item()), _end(acts.high.item())
+        actions = (low, high) if low > -inf and high < inf else None
+    if actions is None:
+        raise ConfigError(f"env.id={name}: its action must be one of a set or in a range: {acts}")
+    usual = spans if all(-inf < low and high < inf for low, high in spans) else _usual(env, spans)
+    return Spaces(spans, usual, actions, first)
+
+
+def _usual(env: "gymnasium.Env[Any, Any]", spans: list[Range]) -> list[Range]:
+    """Return the ranges, with those of random play where they are infinite."""
+    env.action_space.seed(0)
+    rows = [env.reset(seed=0)[0]]
+    for _ in range(_WARM_UP):
+        row, _, terminated, truncated, _ = env.step(env.action_space.sample())
+        rows.append(row)
+        if terminated or truncated:
+            rows.append(env.reset()[0])
+    lows, highs = np.min(rows, axis=0).tolist(), np.max(rows, axis=0).tolist()
+    return [
+        span if -inf < span[0] and span[1] < inf else (low, high if high > low else low + 1.0)
+        for span, low, high in zip(spans, lows, highs, strict=True)
+    ]
+
+
+def _end(limit: float) -> float:
+    return float(limit) if abs(limit) < _ENDLESS else inf * (1 if limit > 0 else -1)

@@ -1,0 +1,1 @@
+"""The figures of Sutton and Barto's book, and ours beside them."""
