@@ -126,7 +126,6 @@ def test_the_walk_goes_either_way_and_ends_with_its_rewards() -> None:
         (("task=acrobot",), -280),
         (("task=acrobot", "value=tiles"), -130),
     ],
-    ids=" ".join,
 )
 def test_a_task_is_learned_with_its_defaults(overrides: tuple[str, ...], least: float) -> None:
     trainer = Trainer.of(load_config(*overrides, "num_seeds=32", "evaluation.every=20"))
