@@ -126,7 +126,6 @@ def test_the_walk_goes_either_way_and_ends_with_its_rewards() -> None:
         (("task=acrobot",), -280),
         (("task=acrobot", "value=tiles"), -130),
     ],
-    ids=" ".join,
 )
 def test_a_task_is_learned_with_its_defaults(overrides: tuple[str, ...], least: float) -> None:
     trainer = Trainer.of(load_config(*overrides, "num_seeds=32", "evaluation.every=20"))
@@ -137,9 +136,10 @@ def test_a_task_is_learned_with_its_defaults(overrides: tuple[str, ...], least: 
 
 
 @pytest.mark.usefixtures("compiler")
-def test_the_walks_values_are_predicted_with_its_defaults() -> None:
-    """Over 64 runs the mean values are near the true ones, of which the first is −0.9."""
-    trainer = Trainer.of(load_config("task=random_walk", "num_seeds=64", "engine=compiled"))
+def test_the_walks_values_are_predicted() -> None:
+    """With a small step the mean values come near the true ones, of which the first is −0.9."""
+    slowly = ("alpha=0.03", "situations=400", "num_seeds=256", "engine=compiled")
+    trainer = Trainer.of(load_config("task=random_walk", *slowly))
     trainer.learn()
     found = trainer.weights["weight"].mean(0).flatten().double().numpy()
-    np.testing.assert_allclose(found, np.arange(-9, 10) / 10, atol=0.15)
+    np.testing.assert_allclose(found, np.arange(-9, 10) / 10, atol=0.06)
