@@ -21,7 +21,7 @@ ONLY :=
 .PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator textbook test test-long foreign browser fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
 
 install: $(STAMP)  ## everything into .venv, at the versions of constraints.txt (PYTHON=… picks the interpreter)
 

@@ -84,7 +84,7 @@ def make(name: str, **settings: Any) -> "gymnasium.Env[Any, Any]":
     try:
         import gymnasium
     except ImportError as error:
-        line = "needs Gymnasium: pip install 'fnnq_torchrl[gymnasium]'"
+        line = "needs Gymnasium: pip install gymnasium"
         raise ConfigError(f"env.id={name}: {line}") from error
     try:
         return gymnasium.make(name, **settings)
