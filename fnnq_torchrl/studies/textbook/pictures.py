@@ -83,7 +83,7 @@ def walk_figure(errors: Sequence[Errors]) -> Figure:
         axes.set_ylim(0.2, 0.56)
         axes.set_xlabel("α")
         quiet_grid(axes)
-        axes.legend(frameon=False)
+    row[-1].legend(frameon=False)  # the same lines as in the other panels, where it would hide some
     row[0].set_ylabel("root mean square error")
     return figure
 
