@@ -51,9 +51,9 @@ for accumulating traces with α · 8 above 0.6.
 
 ## Random walk, TD(λ) (figures 12.6 and 12.8)
 
-The walk has {states} states. The measure is the root-mean-square error of their values, averaged over
-the first 10 episodes and {walk_runs:,} runs. The true values are −0.9, −0.8, …, 0.9. All values are 0
-before learning, so the error should then be √0.3 = 0.548; the program measured {before:.3f}.
+The walk has {states} states. The measure is the root-mean-square error of their values, averaged
+over the first 10 episodes and {walk_runs:,} runs. The true values are −0.9, −0.8, …, 0.9. Before
+learning all values are 0, so the error should be √0.3 = 0.548; the program measured {before:.3f}.
 
 {walk}
 ![The error against α, for each λ and trace](figures/textbook_walk.png)

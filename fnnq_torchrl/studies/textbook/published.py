@@ -18,7 +18,7 @@ TILINGS = 8
 
 
 class Point(NamedTuple):
-    """The best value of a published curve, the α · 8 where it occurs, and the error of reading it."""
+    """The best value of a published curve, the α · 8 of that value, and its reading error."""
 
     value: float
     at: float
