@@ -122,7 +122,7 @@ class Learner:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # `step` sets the amount
         bootstrap = rule.variant.bootstrap
-        self.loss = PengQLambdaLoss(value_network, gamma=1.0, bootstrap=bootstrap)  # `step` sets γ, too
+        self.loss = PengQLambdaLoss(value_network, gamma=1.0, bootstrap=bootstrap)  # `step` sets γ
         self.step_size = step_size
         self.evaluate_every = evaluate_every
         self._agent = _Agent(env, self.policy, self.loss)
@@ -292,7 +292,7 @@ class Learner:
         return state["fired"] + goes_on * slope["weight"]
 
     def _within(self, action_value: Tensor) -> Tensor:
-        """Return whether every |Q| of a run is at most ``largest_value``, ``[runs, 1]``; NaN isn't."""
+        """Return where all |Q| are at most ``largest_value``, false for NaN, ``[runs, 1]``."""
         return action_value.abs().amax(-1, keepdim=True) <= self.largest_value
 
     def _step_of(self, name: str, step: Tensor) -> Tensor:

@@ -48,8 +48,9 @@ class PengQLambdaLoss(LossModule):
     ``action_value`` is the policy's Q(s, ·) of all candidates, from the weights before the update.
     ``set_keys`` renames every key except the observations.
 
-    The module returns a TensorDict with ``loss`` (a scalar), ``td_error`` δ, ``chosen_td_error`` δ′,
-    ``chosen_action_value`` Q(s, a) and ``next_value`` V(s′), each ``[runs, *batch, 1]`` but the loss.
+    The module returns a TensorDict with ``loss``, a scalar, and with ``td_error`` δ,
+    ``chosen_td_error`` δ′, ``chosen_action_value`` Q(s, a) and ``next_value`` V(s′), each
+    ``[runs, *batch, 1]``.
 
     Args:
         value_network: Q(s, a), any :class:`ValueNetwork`.

@@ -192,9 +192,9 @@ class DutchTrace(Trace):
 
         z = γλe + (1 − αγλ e·f)f;   Δw = (δ′ + Q − Q_old)z − (Q − Q_old)f;   e ← z
 
-    If Q is linear in the weights, learning with this trace gives the same weights after each step as
-    the online λ-return algorithm. Source: H. van Seijen, A. R. Mahmood, P. M. Pilarski, M. C. Machado, R. S.
-    Sutton, "True online temporal-difference learning", JMLR 17, 2016.
+    If Q is linear in the weights, the weights after each step are those of the online λ-return
+    algorithm. Source: H. van Seijen, A. R. Mahmood, P. M. Pilarski, M. C. Machado, R. S. Sutton,
+    "True online temporal-difference learning", JMLR 17, 2016.
     """
 
     corrects = True
@@ -203,7 +203,7 @@ class DutchTrace(Trace):
         self, traces: Sequence[Tensor], gradients: Sequence[Tensor], credit: Credit
     ) -> Credited:
         if credit.correction is None:
-            raise ValueError("a dutch trace needs a correction, with a step size that is known before the update")
+            raise ValueError("a dutch trace needs a correction, so α must be known beforehand")
         alpha, change = credit.correction
         _, error, decay, goes_on = _faded(credit)
         pairs = [*zip(traces, gradients, strict=True)]
