@@ -119,7 +119,9 @@ def spaces_of(name: str) -> Spaces:
         low, high = _end(acts.low.item()), _end(acts.high.item())
         actions = (low, high) if low > -inf and high < inf else None
     if actions is None:
-        raise ConfigError(f"env.id={name}: its action must be Discrete or one bounded number, not {acts}")
+        raise ConfigError(
+            f"env.id={name}: its action must be Discrete or one bounded number, not {acts}"
+        )
     usual = spans if all(-inf < low and high < inf for low, high in spans) else _usual(env, spans)
     return Spaces(spans, usual, actions, first)
 

@@ -122,7 +122,7 @@ def _finished(jobs: Sequence[SweptResult]) -> list[_Finished]:
 
 
 def _tell_repeated(done: Sequence[_Finished]) -> None:
-    """Print a line if jobs repeat runs of earlier jobs."""
+    """Print a line if some jobs have runs that earlier jobs have, too."""
     runs = sum(len(each.job.runs.seeds) for each in done)
     if repeated := runs - sum(len(each.seeds) for each in done):
         announce(
@@ -144,7 +144,7 @@ def _kinds_of_score(done: Sequence[_Finished]) -> list[tuple[_Groups, Score, lis
     for each in done:
         groups = kinds.setdefault(each.job.score.name, {})
         groups.setdefault(each.job.runs.configuration, []).append(each)
-    # A configuration has the words of its first job.
+    # A configuration is named by the words of its first job.
     named = [group[0].job for groups in kinds.values() for group in groups.values()]
     keys = [key for key in swept_keys(named) if key not in WHICH_RUNS]
     return [

@@ -30,7 +30,7 @@ logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)  # logs eve
 logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # logs every retry
 
 _EXPERIMENT = "fnnq_torchrl"
-"""The experiment of a user who names none."""
+"""The experiment if the user names none."""
 
 _METRICS_AT_ONCE = 1000
 """The most metrics that MLflow takes in one call."""
@@ -112,14 +112,14 @@ def _database(path: Path) -> str:
         str(path).encode()
     except UnicodeEncodeError as error:
         raise ValueError(f"{str(path)!a}: the name of a directory isn't UTF-8") from error
-    # SQLite reads the file's URI, so no letter of a name is taken for another part of the address.
+    # The file's URI quotes the path, so that no letter of a name is read as part of the address.
     # With the driver named, MLflow makes no directories of the quoted name.
     url = URL.create("sqlite+pysqlite", database=path.as_uri(), query={"uri": "true"})
     return url.render_as_string()
 
 
 def _experiment(client: MlflowClient, uri: str, name: str) -> str:
-    """Return the id of an experiment; make it if there is none of its name.
+    """Return the id of the experiment with this name; make the experiment if there is none.
 
     Args:
         client: the client of the database or the server.
