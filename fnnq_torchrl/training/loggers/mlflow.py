@@ -46,7 +46,7 @@ class MlflowLogger(Logger):
     def __init__(self, settings: MlflowConfig) -> None:
         self._uri = settings.tracking_uri or os.environ.get("MLFLOW_TRACKING_URI", "")
         self._experiment = settings.experiment
-        # Taken out of the environment: it names the MLflow run of one job, not those of many.
+        # Removed from the environment, because this variable names a single MLflow run.
         self._run = os.environ.pop("MLFLOW_RUN_ID", None)
         # MLflow's defaults are two minutes and seven retries.
         os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(math.ceil(settings.timeout_s)))
@@ -113,7 +113,7 @@ def _database(path: Path) -> str:
     except UnicodeEncodeError as error:
         raise ValueError(f"{str(path)!a}: the name of a directory isn't UTF-8") from error
     # The file's URI quotes the path, so that no letter of a name is read as part of the address.
-    # With the driver named, MLflow makes no directories of the quoted name.
+    # MLflow would make directories with the quoted name if the address didn't name the driver.
     url = URL.create("sqlite+pysqlite", database=path.as_uri(), query={"uri": "true"})
     return url.render_as_string()
 

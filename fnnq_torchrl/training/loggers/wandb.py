@@ -70,7 +70,7 @@ class WandbLogger(Logger):
 
     def __init__(self, settings: WandbConfig) -> None:
         self._settings = settings
-        # Taken out of the environment: wandb would give them to all runs of this process.
+        # Removed from the environment, because wandb would use them for all runs of this process.
         found = {each: os.environ.pop(name, None) for name, each in _OF_ONE_RUN.items()}
         self._own = {each: value for each, value in found.items() if value}
         self._mode = _mode(settings.mode)
