@@ -89,8 +89,8 @@ class CartPoleConfig(WorldConfig):
     def observations(self) -> Mapping[str, Range]:
         """The ranges of the cart's place and speed and of the pole's angle and angular speed.
 
-        The last state of an episode lies beyond the limits. As in Gymnasium, the ranges are twice
-        the limits, so that they contain it.
+        The state after a fall lies beyond the limits. As in Gymnasium, the ranges are twice the
+        limits, so that they contain this state.
         """
         return {
             "cart_m": (-2 * self.track_m, 2 * self.track_m),

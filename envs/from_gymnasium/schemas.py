@@ -1,4 +1,4 @@
-"""The parameters of a world made from a Gymnasium environment, and the spaces of the latter."""
+"""The parameters of a world made from a Gymnasium environment, and that environment's spaces."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

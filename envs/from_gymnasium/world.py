@@ -39,8 +39,8 @@ class _Lane:
     def play(self, episode: tuple[int, int], seed: int, actions: list[float]) -> _Moment:
         """Return the outcome of an episode's last action.
 
-        If the environment has played the first of these actions, it continues from there; otherwise
-        it plays the episode from the start.
+        If the environment has already played a first part of these actions, only the rest is
+        played; otherwise the episode is played from its start.
 
         Args:
             episode: the run's seed and the episode's number.

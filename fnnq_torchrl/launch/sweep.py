@@ -48,7 +48,7 @@ class SweptResult:
 
 @dataclass(frozen=True)
 class _Finished:
-    """A finished job, and the seeds of its runs that no earlier job of the sweep has."""
+    """A finished job, with the seeds of the runs that no earlier job of the sweep has, too."""
 
     job: SweptResult
     seeds: list[int]
@@ -57,7 +57,7 @@ class _Finished:
 def write_sweep(directory: Path, jobs: Sequence[SweptResult], first: int = 0) -> None:
     """Write a sweep's own tables into its directory, and print one of its latest jobs.
 
-    A run that several jobs have is counted once, and a line tells of it. An unfinished job, which
+    A run that several jobs have is counted once, and a line reports it. An unfinished job, which
     has no summary.json, has a row in summary.csv with its keys alone, and is left out of the other
     files.
 

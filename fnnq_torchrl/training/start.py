@@ -91,7 +91,7 @@ def imported(config: Config) -> Config:
 
 
 def _with_labels(value: LabelsConfig, given: Definitions, world: WorldConfig) -> LabelsConfig:
-    """Return a copy with the labels of a file, whose variables are the world's."""
+    """Return a copy of the settings with the labels of a file about the world's variables."""
     names = [*world.observations, world.action_name]
     known = dict(zip(fit_words(names), names, strict=True)) | {name: name for name in names}
     labels: dict[str, list[Membership]] = {}

@@ -47,7 +47,7 @@ def compiler() -> str:
 
 
 class CannotCompile(ConfigError):
-    """Programs can't be compiled or loaded here.
+    """An error: programs can't be compiled or loaded on this machine.
 
     Args:
         reason: the reason, in one line.
