@@ -1,6 +1,6 @@
-"""Matplotlib without the user's settings. Everything that draws imports Matplotlib from here.
+"""Matplotlib without the user's settings. All drawing modules import Matplotlib from here.
 
-Pictures are drawn through `Figure` and `FigureCanvasAgg`, so no command needs a backend.
+Pictures are drawn through `Figure` and `FigureCanvasAgg`, so no command needs a display.
 """
 
 import os
@@ -10,8 +10,8 @@ from contextlib import chdir, contextmanager
 from pathlib import Path
 
 # A notebook's MPLBACKEND or a matplotlibrc in another encoding can make the import of Matplotlib
-# fail. Our pictures need neither, so the import is tried again without them, in a directory without
-# a matplotlibrc, which would take precedence over the variable.
+# fail. Our pictures need neither, so a failed import is tried again without them. The second import
+# runs in a directory without a matplotlibrc, because such a file would override the variable.
 try:
     import matplotlib
 except Exception:

@@ -1,4 +1,4 @@
-"""Two links of which only the joint between them is driven; the tip must swing above a bar."""
+"""Acrobot: two links with a motor at the joint between them; the tip must swing above a bar."""
 
 from math import pi
 
@@ -21,9 +21,9 @@ Motion = tuple[Tensor, Tensor, Tensor, Tensor]
 class Acrobot(PureEnv):
     """Acrobot, with the equations of Gymnasium's Acrobot-v1 (Runge and Kutta's method).
 
-    An angle of 0 points downwards; the second is relative to the first link. Actions are a torque
-    to the left (0), none (1) or a torque to the right (2). The reward is −1 a step, and 0 for the
-    step after which the tip is above the bar, which ends the task.
+    An angle of 0 points downwards; the second angle is relative to the first link. Actions are a
+    torque to the left (0), no torque (1) or a torque to the right (2). The task ends when the tip
+    is above the bar. The reward is −1 a step, and 0 for the last step of the task.
 
     Source: R. S. Sutton, A. G. Barto, "Reinforcement learning", 1998, section 11.3.
 
@@ -67,7 +67,7 @@ class Acrobot(PureEnv):
 
 
 def _runge_kutta(motion: Motion, torque_nm: Tensor, time_step_s: float) -> Motion:
-    """Return the motion after a time step, by the method of fourth order."""
+    """Return the motion after a time step, by Runge and Kutta's method of fourth order."""
 
     def ahead(slope: Motion, share: float) -> Motion:
         moved = (y + share * time_step_s * k for y, k in zip(motion, slope, strict=True))

@@ -1,4 +1,4 @@
-"""A pole on a cart that must be kept upright by pushing the cart."""
+"""Cart-Pole: the learner pushes a cart to keep the pole on it upright."""
 
 import torch
 from torch import Tensor

@@ -1,4 +1,4 @@
-"""An underpowered car that must swing back and forth to get out of a valley."""
+"""Mountain Car: a weak car must swing back and forth to get out of a valley."""
 
 import torch
 from torch import Tensor
@@ -14,7 +14,7 @@ class MountainCar(PureEnv):
 
         v ← v + force·(action − 1) − gravity·cos 3x,  x ← x + v
 
-    Both are clipped to their ranges; at the lowest x, the car stops. Actions are 0 (reverse), 1
+    x and v are clipped to their ranges. At the lowest x, the car stops. Actions are 0 (reverse), 1
     (neutral) and 2 (forward). The reward is −1 a step. The task ends at the goal.
 
     Arguments: see :class:`envs.core.pure.PureEnv`; the values of ``world`` are in

@@ -1,4 +1,4 @@
-"""A walk to the left or the right by chance, whose states' values are to be predicted."""
+"""The random walk: chance moves the walker left or right, and the learner predicts the values."""
 
 import torch
 from torch import Tensor
@@ -12,8 +12,9 @@ from envs.core.streams import Stream
 class RandomWalk(PureEnv):
     """The random walk: R. S. Sutton, A. G. Barto, "Reinforcement learning", 2018, example 7.1.
 
-    The walk starts in the middle of a row of states, 1, 2, …, and ends with a reward to the left of
-    the first or to the right of the last state. All other rewards are 0. There is one action.
+    The walk starts in the middle of a row of states 1, 2, …. It ends with a reward to the left of
+    the first state or to the right of the last state. All other rewards are 0. The only action, 0,
+    has no effect.
 
     Arguments: see :class:`envs.core.pure.PureEnv`; the values of ``world`` are in
     ``conf/env/random_walk.yaml``.
@@ -28,7 +29,6 @@ class RandomWalk(PureEnv):
     def transition(self, state: Entries, action: Tensor) -> Entries:
         world = self.world
         word, chance, *_ = streams.draw(state["seed"], state["episode"], state["step"], Stream.STEP)
-        # The action is the only one, 0; added, it keeps its gradient's place in the graph.
         place = state["place"] + 2 * streams.coin(word).to(self.dtype) - 1
         left, right = place < 1, place > world.states
         reward = torch.zeros_like(place)

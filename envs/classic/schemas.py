@@ -35,17 +35,17 @@ class MountainCarConfig(WorldConfig):
 
     @property
     def actions(self) -> int:
-        """Reverse, neutral, forward."""
+        """The number of actions: reverse, neutral, forward."""
         return 3
 
     @property
     def returns(self) -> Range:
-        """A step costs 1."""
+        """The lowest and the highest return; a step costs 1."""
         return -float(self.time_limit_steps), -1.0
 
     @property
     def fewest_steps(self) -> int:
-        """The steps from the nearest start to the goal with the greatest acceleration."""
+        """The number of steps from the nearest start to the goal at the greatest acceleration."""
         position, speed, steps = self.start_position[1], 0.0, 0
         while position < self.goal_position and steps < self.time_limit_steps:
             speed = min(speed + self.force + self.gravity, self.highest_speed)
@@ -89,7 +89,8 @@ class CartPoleConfig(WorldConfig):
     def observations(self) -> Mapping[str, Range]:
         """The ranges of the cart's place and speed and of the pole's angle and angular speed.
 
-        As in Gymnasium, the last state, beyond the limits, is within twice the limits.
+        The state after a fall lies beyond the limits. As in Gymnasium, the ranges are twice the
+        limits, so that they contain this state.
         """
         return {
             "cart_m": (-2 * self.track_m, 2 * self.track_m),
@@ -110,12 +111,12 @@ class CartPoleConfig(WorldConfig):
 
     @property
     def actions(self) -> int:
-        """A push to the left, a push to the right."""
+        """The number of actions: a push to the left, a push to the right."""
         return 2
 
     @property
     def returns(self) -> Range:
-        """The least and the greatest sum of rewards: of none or of all steps, and of a fall."""
+        """The lowest and the highest return: of no steps or all steps, with and without a fall."""
         of_steps = self.step_reward * self.time_limit_steps
         ends = 0.0, self.fall_reward, of_steps, of_steps + self.fall_reward - self.step_reward
         return min(ends), max(ends)
@@ -145,12 +146,12 @@ class AcrobotConfig(WorldConfig):
 
     @property
     def actions(self) -> int:
-        """A torque to the left, none, a torque to the right."""
+        """The number of actions: a torque to the left, no torque, a torque to the right."""
         return 3
 
     @property
     def returns(self) -> Range:
-        """A step costs 1, except for the one that ends above the bar."""
+        """The lowest and the highest return; a step costs 1, unless it ends above the bar."""
         return -float(self.time_limit_steps), 0.0
 
 
@@ -177,12 +178,12 @@ class RandomWalkConfig(WorldConfig):
 
     @property
     def actions(self) -> int:
-        """Chance alone decides about left or right."""
+        """The number of actions: one, because chance alone decides between left and right."""
         return 1
 
     @property
     def returns(self) -> Range:
-        """The lesser and the greater of the ends' rewards."""
+        """The lowest and the highest return: the rewards of the ends, or 0 without an end."""
         low, high = sorted((self.left_reward, self.right_reward))
         return min(low, 0.0), max(high, 0.0)
 

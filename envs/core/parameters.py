@@ -296,7 +296,7 @@ def rounded_misfits(
     """Yield an error for each valid value that leaves its range when its numbers are rounded.
 
     Args:
-        parameters: as for `check`; nested dataclasses aren't looked at.
+        parameters: as for `check`; the values of nested dataclasses aren't checked.
         round_to: rounds a number to the precision of the computation; infinite on overflow.
     """
     for item in fields(parameters):  # type: ignore[arg-type]  # every subclass is a dataclass

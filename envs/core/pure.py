@@ -126,8 +126,9 @@ class PureEnv(EnvBase):
 
         Returns:
             The new observations and state, ``reward`` and ``terminated`` (bool). Optional entries
-            are ``chance``, ``success`` (bool), true where an episode ends with a success, and
-            ``truncated`` (bool), true where something else than the time limit cuts it off.
+            are ``chance``; ``success`` (bool), true where an episode ends with a success; and
+            ``truncated`` (bool), true where an episode is cut off for another reason than the time
+            limit.
         """
 
     def start(self, seed: Tensor, episode: Tensor, situations: Tensor | None = None) -> TensorDict:

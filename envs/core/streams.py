@@ -38,7 +38,7 @@ def pcg4d(words: Tensor) -> Tensor:
         words: int32 ``[4, ...]``. Products and sums wrap, as the hash requires.
 
     Returns:
-        Of the same shape.
+        Four words, int32 ``[4, ...]``.
     """
     words = _coupled(1664525 * words + 1013904223)
     for _ in range(2):
@@ -77,7 +77,7 @@ def draw(seed: Tensor, episode: Tensor, step: Tensor, stream: Stream) -> Tensor:
 
 
 def uniform(words: Tensor, dtype: torch.dtype) -> Tensor:
-    """Return U[0, 1) from each word's upper 24 bits, exact in float32 and so equal in float64."""
+    """Return U[0, 1) from each word's upper 24 bits, which float32 and float64 hold exactly."""
     return ((words >> 8) & 0xFFFFFF).to(dtype) * 2.0**-24
 
 
@@ -98,5 +98,5 @@ def normal(word: Tensor, other: Tensor, dtype: torch.dtype) -> Tensor:
 
 
 def box_muller(u: Tensor, v: Tensor) -> Tensor:
-    """Return N(0, 1) from two numbers of U[0, 1)."""
+    """Return N(0, 1) from two independent numbers of U[0, 1)."""
     return torch.sqrt(-2 * torch.log(1 - u)) * torch.cos(2 * math.pi * v)

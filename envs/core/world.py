@@ -30,7 +30,7 @@ class WorldConfig(Parameters, ABC):
     """The plural noun for the successes that a test counts, such as ``catches``."""
 
     compiles: ClassVar[bool] = True
-    """Whether a step is plain torch, so that a loop of steps can be compiled."""
+    """Whether a step of the world uses plain torch only, so that it can be compiled."""
 
     action_name: ClassVar[str] = "action"
     """What the action is called in rules."""
@@ -45,7 +45,7 @@ class WorldConfig(Parameters, ABC):
 
     @property
     def usual(self) -> Mapping[str, Range]:
-        """The range of each observation that tiles and even labels cover; by default all of it."""
+        """The part of each observation's range that tiles and even labels cover; by default all."""
         return self.observations
 
     @property

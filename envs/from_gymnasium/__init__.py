@@ -1,1 +1,1 @@
-"""Gymnasium's environments as worlds; the library is imported only when such a world is used."""
+"""Gymnasium's environments as worlds. Gymnasium is imported only when such a world is used."""

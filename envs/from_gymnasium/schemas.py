@@ -1,4 +1,4 @@
-"""The parameters of a world made from a Gymnasium environment, whose spaces say the rest."""
+"""The parameters of a world made from a Gymnasium environment, and that environment's spaces."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
     import gymnasium
 
 _WARM_UP = 2_000
-"""The number of random steps that show the usual range of an observation without limits."""
+"""The number of random steps by which the range of an observation without limits is measured."""
 
 _ENDLESS = 1e30
-"""The number from which a limit counts as infinite; some spaces have float32's largest."""
+"""Limits of at least this size count as infinite; some spaces have float32's largest number."""
 
 
 class Spaces(NamedTuple):
-    """What an environment's spaces say.
+    """The observations and actions that an environment's spaces define.
 
     Attributes:
         observations: the range of each number of an observation.
-        usual: the same, with the ranges seen in random play in place of infinite ones.
+        usual: ``observations``, with ranges measured in random play in place of infinite ranges.
         actions: the range of the action, or the number of actions.
         first_action: the number of the first action of a fixed set.
     """
@@ -51,10 +51,10 @@ class GymnasiumConfig(WorldConfig):
 
     @property
     def spaces(self) -> Spaces:
-        """What the environment's spaces say.
+        """The observations and actions that the environment's spaces define.
 
         Raises:
-            ConfigError: if there is no such environment, or its spaces don't suit.
+            ConfigError: if there is no such environment, or its spaces aren't supported.
         """
         check(self, "env.")
         return spaces_of(self.id)
@@ -66,7 +66,7 @@ class GymnasiumConfig(WorldConfig):
 
     @property
     def usual(self) -> Mapping[str, Range]:
-        """The range of each number; one without limits has the range of 2,000 random steps."""
+        """The range of each number of an observation, measured in 2,000 steps if infinite."""
         return {f"x{i}": span for i, span in enumerate(self.spaces.usual)}
 
     @property
@@ -79,7 +79,7 @@ def make(name: str, **settings: Any) -> "gymnasium.Env[Any, Any]":
     """Make an environment of Gymnasium's registry.
 
     Raises:
-        ConfigError: if it can't be made. One line.
+        ConfigError: if the environment can't be made. The message is one line.
     """
     try:
         import gymnasium
@@ -88,17 +88,17 @@ def make(name: str, **settings: Any) -> "gymnasium.Env[Any, Any]":
         raise ConfigError(f"env.id={name}: {line}") from error
     try:
         return gymnasium.make(name, **settings)
-    except Exception as error:  # a missing library, an unknown name, or the environment's own
+    except Exception as error:  # a missing library, an unknown name, or an error of the environment
         reason = " ".join(str(error).split())
         raise ConfigError(f"env.id={name}: {reason}") from error
 
 
 @cache
 def spaces_of(name: str) -> Spaces:
-    """Return what the spaces of an environment say.
+    """Return the observations and actions that an environment's spaces define.
 
     Raises:
-        ConfigError: if there is no such environment, or its spaces don't suit.
+        ConfigError: if there is no such environment, or its spaces aren't supported.
     """
     from gymnasium.spaces import Box, Discrete
 
@@ -119,13 +119,15 @@ def spaces_of(name: str) -> Spaces:
         low, high = _end(acts.low.item()), _end(acts.high.item())
         actions = (low, high) if low > -inf and high < inf else None
     if actions is None:
-        raise ConfigError(f"env.id={name}: its action must be one of a set or in a range: {acts}")
+        raise ConfigError(
+            f"env.id={name}: its action must be Discrete or one bounded number, not {acts}"
+        )
     usual = spans if all(-inf < low and high < inf for low, high in spans) else _usual(env, spans)
     return Spaces(spans, usual, actions, first)
 
 
 def _usual(env: "gymnasium.Env[Any, Any]", spans: list[Range]) -> list[Range]:
-    """Return the ranges, with those of random play where they are infinite."""
+    """Return the ranges, with ranges measured in random play in place of infinite ranges."""
     env.action_space.seed(0)
     rows = [env.reset(seed=0)[0]]
     for _ in range(_WARM_UP):

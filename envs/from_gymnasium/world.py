@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class _Moment(NamedTuple):
-    """The outcome of a step, or the start of an episode."""
+    """The outcome of a step, or the first observation of an episode."""
 
     seen: Any
     reward: float = 0.0
@@ -26,7 +26,7 @@ class _Moment(NamedTuple):
 
 
 class _Lane:
-    """An environment, with the run, the episode and the actions that it has played."""
+    """An environment of one run, with the episode and the actions that it has played."""
 
     def __init__(self, world: GymnasiumConfig) -> None:
         limit = world.time_limit_steps
@@ -37,14 +37,15 @@ class _Lane:
         self._moment = _Moment(None)
 
     def play(self, episode: tuple[int, int], seed: int, actions: list[float]) -> _Moment:
-        """Return the last moment of an episode with the given actions.
+        """Return the outcome of an episode's last action.
 
-        If the environment is one step before, it takes a step; otherwise it plays from the start.
+        If the environment has already played a first part of these actions, only the rest is
+        played; otherwise the episode is played from its start.
 
         Args:
             episode: the run's seed and the episode's number.
             seed: Gymnasium's seed of this episode.
-            actions: all actions so far.
+            actions: all actions of the episode so far.
         """
         if self._episode != episode or self._actions != actions[: len(self._actions)]:
             self._episode, self._actions = episode, []
@@ -65,9 +66,9 @@ class _Lane:
 class GymnasiumWorld(PureEnv):
     """A batch of environments of Gymnasium's registry.
 
-    The state is the seed, the episode and the actions so far, ``history``: an environment that is
-    elsewhere, as after an interruption, plays the episode again from its start. So a run doesn't
-    depend on its batch, if the environment has no other source of randomness than its seed.
+    The state is the seed, the episode and ``history``, the actions so far. An environment that has
+    played other actions, as after an interruption, plays the episode again from its start. So a run
+    doesn't depend on its batch if the environment's only source of randomness is its seed.
 
     Arguments: see :class:`envs.core.pure.PureEnv`; the values of ``world`` are in
     ``conf/env/gymnasium.yaml``.
@@ -83,7 +84,7 @@ class GymnasiumWorld(PureEnv):
 
     @property
     def state_sizes(self) -> dict[str, int]:
-        """The history has a place for each action of an episode."""
+        """The size of ``history``: one place for each action of an episode."""
         return {"history": self.world.time_limit_steps}
 
     def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
@@ -109,7 +110,7 @@ class GymnasiumWorld(PureEnv):
         }
 
     def restart(self, after: TensorDictBase) -> TensorDict:
-        """Return the state before the next step; only environments that are done begin again."""
+        """Return the state before the next step; only environments that are done are reset."""
         done = after["done"]
         kept = {key: after[key] for key in (*self._kept, "chance", *WHEN)}
         if done.any():
@@ -124,7 +125,7 @@ class GymnasiumWorld(PureEnv):
         return self.pack(kept)
 
     def _play(self, seed: Tensor, episode: Tensor, step: Tensor, history: Tensor) -> list[_Moment]:
-        """Return the moment of every environment; equal ones, as in idle lanes, play once."""
+        """Return the outcome in every environment; equal episodes, as in idle lanes, play once."""
         words = streams.draw(seed, episode, torch.zeros_like(episode), Stream.START)
         high, low = (word.to(torch.int64) & 0x7FFFFFFF for word in words[:2])
         seeds = (high << 31) | low

@@ -11,9 +11,9 @@ from envs.robot.follow import FollowBall
 class HeldBall(FollowBall):
     """A :class:`envs.robot.follow.FollowBall` whose ball rolls on its circle unless it is held.
 
-    The further entries, each ``[*batch_size, 1]``, are ``ball_x_m`` and ``ball_y_m``, the ball's
-    place, and ``held``. Where ``held`` is above 0, the ball stays where it is; whoever holds it
-    writes a new place between the steps. At the start no ball is held.
+    The additional entries, each ``[*batch_size, 1]``, are ``ball_x_m`` and ``ball_y_m``, the ball's
+    place, and ``held``. If ``held`` is above 0, a step doesn't move the ball; the caller moves it
+    by writing a new place between the steps. At the start no ball is held.
 
     Arguments: see :class:`envs.core.pure.PureEnv`.
     """

@@ -32,11 +32,11 @@ class EligibilityTrace:
         loss: the loss module, whose network's weights have the runs as their first dimension.
         lam: λ, one number or one per run, ``[runs, 1]``.
         rule: the variant of Q(λ) and its trace; by default the paper's.
-        alpha: the step size of plain SGD, for a dutch trace, which needs it.
+        alpha: the step size of plain SGD, which a dutch trace needs.
 
     Raises:
-        ValueError: if λ or α has another shape, α is missing, or the loss has another bootstrap
-            than the variant.
+        ValueError: if λ or α has a wrong shape, a dutch trace has no α, or the loss has another
+            bootstrap than the variant.
     """
 
     def __init__(

@@ -20,7 +20,8 @@ def gradient(
     It uses ``torch.autograd.grad``, which is faster in eager mode than ``torch.func.grad``.
 
     Args:
-        function: takes weights by name; returns its values and any second result.
+        function: takes weights by name; returns values, whose sum is differentiated, and any second
+            result.
         weights: the weights at which the gradient is taken; they need not require gradients.
     """
     with torch.enable_grad():

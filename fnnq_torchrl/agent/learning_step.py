@@ -21,26 +21,26 @@ from fnnq_torchrl.equations.step_size import Direction, StepSize, decayed
 
 
 class _Experience(NamedTuple):
-    """A step of the world, ``[runs]`` with ``"next"``, and its errors."""
+    """A step of the world, ``[runs]`` with ``"next"``, and the errors of Q in that step."""
 
     transition: TensorDictBase
     errors: Errors
 
 
 class _Agent(nn.Module):
-    """The policy in the world and the loss: all of a step that depends on the weights."""
+    """The policy, the world and the loss: the part of a learning step that reads the weights."""
 
     def __init__(self, env: PureEnv, policy: ExploringPolicy, loss: PengQLambdaLoss) -> None:
         super().__init__()
         self.env, self.policy, self.loss = env, policy, loss
 
     def forward(self, world: TensorDictBase, chosen: Tensor | None = None) -> _Experience:
-        """Take a step from the world's state, a TensorDict that is changed in place.
+        """Take a step of the world and return the step with its errors.
 
         Args:
-            world: the state before the step.
-            chosen: the action, if it was chosen before the last update, ``[runs, 1]``; it doesn't
-                count in the first step of an episode.
+            world: the state before the step, a TensorDict that is changed in place.
+            chosen: the action that was chosen before the last update, ``[runs, 1]``, ignored in the
+                first step of an episode. None: the policy chooses the action now.
         """
         with torch.no_grad():
             acting = self.policy(world)
@@ -53,7 +53,7 @@ class _Agent(nn.Module):
     def _ahead(self, after: TensorDictBase) -> dict[str, Tensor]:
         """Return the entries of the next state that the loss needs to bootstrap, if any.
 
-        The weights are those before the update.
+        They are computed with the weights before the update.
         """
         if self.loss.bootstrap == "best":
             return {}
@@ -73,17 +73,18 @@ class Learner:
 
     * ``run`` never changes. Its entries, each ``[runs, 1]``, are ``seed``, ``lam``, ``alpha``,
       ``alpha_decay``, ``gamma``, ``kappa`` if the step size needs it, the amount of exploration
-      under its own name, such as ``epsilon``, and ``situations``, the number to learn from. If ε is
-      annealed, there are ``epsilon_final`` and ``epsilon_over``, too.
+      under its own name, such as ``epsilon``, and ``situations``, the number of situations to learn
+      from. If ε is annealed, there are ``epsilon_final`` and ``epsilon_over``, too.
     * ``state`` is replaced by every step. Its entries are ``world``, the environment's state;
       ``weights`` and ``trace``, by the names of the network's parameters; ``action``, the next
       action, if the variant chooses it before the update; ``alpha``, the current step size;
-      ``situations`` and ``steps``, the numbers of those learned from so far; ``diverged``, whether
-      |Q| has become too large, after which the run counts no more steps; ``over``, whether the run
-      has ended; and ``snapshot``, the weights and counts at the time when an evaluation was last
-      due. If counted, there are ``fired``, the rules' firing strengths ∂Q(s, a)/∂w, summed over the
-      steps that the run has learned from, and, in both ``state`` and ``snapshot``, ``earned``: the
-      sum of rewards (``return``) and the number of successes since the snapshot before.
+      ``situations`` and ``steps``, the numbers of situations and steps learned from so far;
+      ``diverged``, whether |Q| has become too large, after which the run counts no more steps;
+      ``over``, whether the run has ended; and ``snapshot``, the weights and counts at the time when
+      an evaluation was last due. With ``count_firing`` there is ``fired``, the rules' firing
+      strengths ∂Q(s, a)/∂w, summed over the steps that the run has learned from. With
+      ``count_earned``, both ``state`` and ``snapshot`` have ``earned``: the sum of rewards
+      (``return``) and the number of successes since the snapshot before.
 
     Args:
         env: the world, with the runs as its batch.
@@ -121,7 +122,7 @@ class Learner:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # `step` sets the amount
         bootstrap = rule.variant.bootstrap
-        self.loss = PengQLambdaLoss(value_network, gamma=1.0, bootstrap=bootstrap)  # likewise γ
+        self.loss = PengQLambdaLoss(value_network, gamma=1.0, bootstrap=bootstrap)  # `step` sets γ
         self.step_size = step_size
         self.evaluate_every = evaluate_every
         self._agent = _Agent(env, self.policy, self.loss)
@@ -273,7 +274,7 @@ class Learner:
     def _earned(
         self, state: TensorDictBase, after: TensorDictBase, due: Tensor
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return ``earned`` of the state and of the snapshot after a step, where it is counted."""
+        """Return ``earned`` of the state and of the snapshot after a step; empty if not counted."""
         if not self._count_earned:
             return {}, {}
         new = {"return": after["reward"], "success": after["success"].to(torch.int64)}
@@ -291,17 +292,17 @@ class Learner:
         return state["fired"] + goes_on * slope["weight"]
 
     def _within(self, action_value: Tensor) -> Tensor:
-        """Return whether no |Q| of a run exceeds ``largest_value`` or is NaN, ``[runs, 1]``."""
+        """Return where all |Q| are at most ``largest_value``, false for NaN, ``[runs, 1]``."""
         return action_value.abs().amax(-1, keepdim=True) <= self.largest_value
 
     def _step_of(self, name: str, step: Tensor) -> Tensor:
-        """Return the step size of the weights with this name, 0 for those that don't learn."""
+        """Return the step size of the weights with this name, 0 for weights that don't learn."""
         return step * self._learns[name] if name in self._learns else step
 
     def _experienced(
         self, run: TensorDictBase, weights: dict[str, Tensor], state: TensorDictBase
     ) -> tuple[dict[str, Tensor], _Experience]:
-        """Return each run's ∇Q(s, a), by autograd, and the step of its world."""
+        """Return each run's ∇Q(s, a), by autograd, and its step of the world with the errors."""
         amount = self.policy.amount(run, state["steps"])
         numbers = {f"policy.{self.policy.amount_name}": amount, "loss.gamma": run["gamma"]}
         given = state["world"].copy(), state.get("action", None)
@@ -335,7 +336,7 @@ class Learner:
     ) -> list[Tensor]:
         """Return ∇δ′ = γ∇V(s′) − ∇Q(s, a), tensors ``[*weights, runs]``.
 
-        ∇V is 0 if s′ ends the task; of a maximum, it is the mean over the best actions.
+        ∇V is 0 if s′ ends the task. If V is a maximum, ∇V is the mean over the best actions.
         """
         network = self.policy.value_network
 

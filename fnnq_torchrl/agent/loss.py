@@ -17,7 +17,7 @@ from fnnq_torchrl.equations.layout import over_batch, run_numbers
 from fnnq_torchrl.equations.names import BOOTSTRAPS
 
 Values = Callable[[Tensor | None], Tensor]
-"""Q(s, a) of a given action, ``[runs, *batch, 1]``; of None, Q of all candidates."""
+"""A function that returns Q of a given action, ``[runs, *batch, 1]``, or, for None, of all."""
 
 
 class Errors(NamedTuple):
@@ -48,16 +48,17 @@ class PengQLambdaLoss(LossModule):
     ``action_value`` is the policy's Q(s, ·) of all candidates, from the weights before the update.
     ``set_keys`` renames every key except the observations.
 
-    It returns a TensorDict of ``loss`` (a scalar) and of ``td_error`` δ, ``chosen_td_error`` δ′,
-    ``chosen_action_value`` Q(s, a) and ``next_value`` V(s′), each ``[runs, *batch, 1]``.
+    The module returns a TensorDict with ``loss``, a scalar, and with ``td_error`` δ,
+    ``chosen_td_error`` δ′, ``chosen_action_value`` Q(s, a) and ``next_value`` V(s′), each
+    ``[runs, *batch, 1]``.
 
     Args:
         value_network: Q(s, a), any :class:`ValueNetwork`.
         gamma: the discount γ, one number or one per run, ``[runs, 1]``.
         bootstrap: V(s′), the value of the next state. ``best``: max Q(s′, ·), for Q(λ). ``chosen``:
             Q(s′, a′) of the ``action`` in ``"next"``, for Sarsa(λ), which must take this action in
-            the next step. ``expected``: the mean of Q(s′, ·) with the ``action_probability`` in
-            ``"next"``, one for each candidate.
+            the next step. ``expected``: the mean of Q(s′, ·), weighted by the
+            ``action_probability`` of each candidate in ``"next"``.
 
     Raises:
         ValueError: if there is no such bootstrap.
@@ -116,8 +117,8 @@ class PengQLambdaLoss(LossModule):
         """Return V(s′), ``[runs, *batch, 1]``.
 
         Args:
-            values: returns Q(s′, a′) of the action given or, without one, of all candidates.
-            after: the TensorDict of ``"next"``.
+            values: the function that returns Q(s′, ·).
+            after: the TensorDict under ``"next"``.
         """
         if self.bootstrap == "chosen":
             return values(after[self.tensor_keys.action])
@@ -127,7 +128,7 @@ class PengQLambdaLoss(LossModule):
         return values(None).amax(-1, keepdim=True)
 
     def errors(self, tensordict: TensorDictBase) -> Errors:
-        """Return the errors and the values from which :meth:`forward` makes the loss."""
+        """Return the errors and values of a step; :meth:`forward` makes the loss from them."""
         keys, after = self.tensor_keys, tensordict["next"]
         values_in = self.value_network.values_in
         chosen_value = values_in(tensordict, tensordict[keys.action])

@@ -17,7 +17,7 @@ Weights = Mapping[str, Tensor]
 
 
 LAST_VALUE = "last_value"
-"""The trace's entry for Q_old, the value that the present pair had before the last update."""
+"""The name of the trace's entry for Q_old, the present pair's value before the last update."""
 
 
 class Updated(NamedTuple):

@@ -1,4 +1,4 @@
-"""The libraries that only some users need: the extras of pyproject.toml."""
+"""The optional libraries: the extras of pyproject.toml."""
 
 import re
 import shlex
@@ -6,7 +6,7 @@ from importlib.metadata import requires
 
 
 def installing(extra: str) -> str:
-    """Return the command that installs the libraries of an extra into any installation."""
+    """Return the pip command that installs the libraries of an extra."""
     marker = re.compile(rf"""extra == ["']{re.escape(extra)}["']""")
     libraries = [
         requirement.partition(";")[0].strip()

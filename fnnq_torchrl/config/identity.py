@@ -1,7 +1,7 @@
 """The identity of a run: its configuration without the seed, and its seed.
 
-Two runs of equal identity are the same run, bit for bit, whichever jobs they belong to. Means and
-intervals take independent runs, so they count such a run once.
+Two runs with equal identities have the same results, bit for bit, even in different jobs. Means and
+intervals need independent runs, so they count two such runs as one.
 """
 
 from dataclasses import asdict, dataclass
@@ -10,7 +10,7 @@ from typing import Self
 from fnnq_torchrl.config.schema import Config
 
 WHICH_RUNS = ("seed", "num_seeds")
-"""The keys that choose the seeds of a job's runs, and don't change their configuration."""
+"""The keys that choose the seeds of a job's runs; they aren't part of a run's configuration."""
 
 ASIDE = ("resume", "checkpoint", "logger")
 """The keys of saving, resuming and logging, which don't change any result."""
@@ -21,8 +21,8 @@ class JobRuns:
     """The identities of a job's runs.
 
     Attributes:
-        configuration: a text that jobs share exactly if they differ only in `WHICH_RUNS` and
-            `ASIDE`.
+        configuration: a text for the configuration. Two jobs have the same text if, and only if,
+            they differ at most in the keys `WHICH_RUNS` and `ASIDE`.
         seeds: the seeds of the runs, in their order.
     """
 
@@ -39,7 +39,7 @@ class JobRuns:
 
 
 class RunsSoFar:
-    """The runs met so far, which tells new runs from repeated ones."""
+    """A record of the runs added so far, which tells new runs from repeated runs."""
 
     def __init__(self) -> None:
         self._met: dict[str, set[int]] = {}

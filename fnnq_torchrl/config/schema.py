@@ -161,7 +161,7 @@ class Config(Parameters):
         check(self)
 
     def of_run(self, key: str) -> float:
-        """Return the number of a key of `PER_RUN`; ``epsilon_final`` is by default ``epsilon``."""
+        """Return the value of a key of `PER_RUN`; ``epsilon_final`` defaults to ``epsilon``."""
         value = getattr(self, key)
         return float(self.epsilon if value is None else value)
 

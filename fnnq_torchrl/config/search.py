@@ -1,4 +1,4 @@
-"""The schema of the sweeper that searches with Optuna."""
+"""The schema of the settings of ``hydra/sweeper=optuna``, which searches for the best values."""
 
 from dataclasses import dataclass
 

@@ -48,12 +48,12 @@ def epsilon_greedy_probabilities(action_values: Tensor, epsilon: Tensor) -> Tens
 
 
 def annealed(first: Tensor, final: Tensor, over: Tensor, steps: Tensor) -> Tensor:
-    """Return the amount of exploration after a number of steps, which changes linearly.
+    """Return the amount of exploration after a number of steps, annealed linearly.
 
     Args:
         first: the amount before the first step, any shape.
-        final: the amount after ``over`` steps and more, same shape.
-        over: the number of steps from one to the other, > 0, same shape.
+        final: the amount after ``over`` or more steps, same shape.
+        over: the number of steps from ``first`` to ``final``, > 0, same shape.
         steps: the number of steps taken, int64, same shape.
     """
     return first + (final - first) * (steps / over).clamp(max=1)

@@ -146,7 +146,7 @@ class MembershipFunction:
         return (numbers[0], numbers[-1]) if self.compact else (-inf, inf)
 
     def narrowest(self, numbers: Sequence[float]) -> float:
-        """Return the least width among given parameters; infinite if the function has none."""
+        """Return the smallest width among the given parameters; infinite without a width."""
         named = zip(self.parameters, numbers, strict=True)
         return min((number for name, number in named if name.endswith("width")), default=inf)
 

@@ -11,7 +11,7 @@ TRACES = ("output", "gradient", "replacing", "window", "clearing", "dutch")
 """The kinds of trace; the first two are two readings of step h in the paper's Table 1."""
 
 BOOTSTRAPS = ("best", "chosen", "expected")
-"""The values of the next state: of the best action, of the action chosen, or their mean."""
+"""The values of the next state: Q of the best action, Q of the chosen action, or the mean of Q."""
 
 STEP_SIZES = ("decay", "constant", "obgd", "alpha_bound")
 """The rules for the step size."""

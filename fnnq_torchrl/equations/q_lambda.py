@@ -29,7 +29,7 @@ def td_errors(
         terminated: whether s′ ends the task (bool); V(s′) is then taken as 0.
         value: V(s) = max Q(s, ·).
         chosen_value: Q(s, a).
-        next_value: V(s′) = max Q(s′, ·), or what a variant of Sarsa takes instead.
+        next_value: V(s′): max Q(s′, ·), or the value that a variant of Sarsa uses instead.
         gamma: γ, the discount.
 
     Returns:
@@ -40,7 +40,7 @@ def td_errors(
 
 
 class Variant(NamedTuple):
-    """A variant of Q(λ): its errors, and whether the trace is cut.
+    """A variant of Q(λ) or Sarsa(λ): its errors, and whether it cuts the trace.
 
     Attributes:
         past_gets_td_error: whether earlier pairs are updated with δ; else with δ′, the error of
@@ -72,9 +72,9 @@ VARIANTS = {
 * ``naive``: Watkins' without the cut (Sutton & Barto, 1998, section 7.6).
 * ``sarsa``: all pairs are updated with r + γQ(s′, a′) − Q(s, a). The action a′ is chosen before the
   update and taken in the next step, as in Sutton & Barto, 2018, section 12.7. In a world with one
-  action it is TD(λ).
-* ``expected_sarsa``: the same with the mean of Q(s′, ·) under the policy (H. van Seijen et al., "A
-  theoretical and empirical analysis of expected Sarsa", ADPRL 2009).
+  action, this variant is TD(λ).
+* ``expected_sarsa``: as ``sarsa``, with the mean of Q(s′, ·) under the policy in place of Q(s′, a′)
+  (H. van Seijen et al., "A theoretical and empirical analysis of expected Sarsa", ADPRL 2009).
 
 All variants follow the order of Table 1. First e ← γλe. Then the weights change along e for the
 earlier pairs and along ∇Q(s, a) for the present pair; both errors are from the weights before the
@@ -93,8 +93,8 @@ class Rule:
         window: the number of steps that ``trace="window"`` keeps.
 
     Raises:
-        ValueError: if there is no such variant or trace, a needed window is missing or below 1, or
-            the trace is ``dutch`` and the variant isn't ``sarsa``.
+        ValueError: if there is no such variant or trace, the window that the trace needs is missing
+            or below 1, or the trace is ``dutch`` and the variant isn't ``sarsa``.
     """
 
     def __init__(
@@ -132,8 +132,8 @@ class Rule:
             greedy: 1 where the action was greedy, else 0, ``[runs]``; None if the trace is never
                 cut.
             goes_on: 0 where the episode has ended, also by truncation, else 1, ``[runs]``.
-            of_all: ∇ΣQ(s, ·) over all actions for each tensor, for a trace that ``clears``.
-            correction: for a trace that ``corrects``.
+            of_all: ∇ΣQ(s, ·) over all actions for each tensor, if the trace ``clears``.
+            correction: α and Q(s, a) − Q_old, if the trace ``corrects``.
         """
         past_error = td_error if self.variant.past_gets_td_error else chosen_td_error
         at_once = not self.variant.past_gets_td_error

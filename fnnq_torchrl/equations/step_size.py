@@ -98,7 +98,7 @@ def make_step_size(name: str) -> StepSize:
 
 
 def decayed(alpha: Tensor, decay: Tensor, success: Tensor) -> Tensor:
-    """Return decay·α where ``success`` (bool) is true, and α elsewhere; all of one shape.
+    """Return decay·α where ``success`` (bool) is true, and α elsewhere; all have one shape.
 
     The paper: «we decreased α whenever the agent got reward», without a figure. The paper's robot
     gets a reward when it catches the ball, which is a success.

@@ -18,12 +18,12 @@ from torch import Tensor
 
 
 class Correction(NamedTuple):
-    """What a dutch trace needs besides the errors, each ``[runs]``.
+    """The inputs of a dutch trace besides the errors, each ``[runs]``.
 
     Attributes:
         alpha: the step size α of this step.
-        change: Q(s, a) − Q_old, where Q_old is the value that the same pair had as (s′, a′), before
-            the last update; any number in the first step of an episode.
+        change: Q(s, a) − Q_old, where Q_old is the value of the same pair before the last update,
+            when the pair was (s′, a′); any number in the first step of an episode.
     """
 
     alpha: Tensor
@@ -44,7 +44,7 @@ class Credit(NamedTuple):
             (Watkins), or afterwards, Δw = δe + δ′f (Table 1).
         of_all: ∇ΣQ(s, ·) over all actions for each tensor of weights, ``[*weights, runs]``; None
             unless the trace ``clears``.
-        correction: None unless the trace ``corrects``.
+        correction: α and Q(s, a) − Q_old; None unless the trace ``corrects``.
     """
 
     past_error: Tensor
@@ -175,9 +175,9 @@ class ReplacingTrace(Trace):
 
 
 class ClearingTrace(ReplacingTrace):
-    """A replacing trace that also becomes 0 where the other actions in s have their features.
+    """A replacing trace that is also set to 0 at the features of the other actions in s.
 
-    It is meant for features that are 0 or 1, of a table or of tiles. Source: Singh & Sutton, 1996,
+    It is meant for features that are 0 or 1, as in a table or tiles. Source: Singh & Sutton, 1996,
     section 5; R. S. Sutton, A. G. Barto, "Reinforcement learning", 2018, section 12.7.
     """
 
@@ -192,9 +192,9 @@ class DutchTrace(Trace):
 
         z = γλe + (1 − αγλ e·f)f;   Δw = (δ′ + Q − Q_old)z − (Q − Q_old)f;   e ← z
 
-    With it, the weights after each step are those of the online λ-return algorithm, if Q is linear
-    in the weights. Source: H. van Seijen, A. R. Mahmood, P. M. Pilarski, M. C. Machado, R. S.
-    Sutton, "True online temporal-difference learning", JMLR 17, 2016.
+    If Q is linear in the weights, the weights after each step are those of the online λ-return
+    algorithm. Source: H. van Seijen, A. R. Mahmood, P. M. Pilarski, M. C. Machado, R. S. Sutton,
+    "True online temporal-difference learning", JMLR 17, 2016.
     """
 
     corrects = True
@@ -203,7 +203,7 @@ class DutchTrace(Trace):
         self, traces: Sequence[Tensor], gradients: Sequence[Tensor], credit: Credit
     ) -> Credited:
         if credit.correction is None:
-            raise ValueError("a dutch trace needs a correction: a step size that is known before")
+            raise ValueError("a dutch trace needs a correction, so α must be known beforehand")
         alpha, change = credit.correction
         _, error, decay, goes_on = _faded(credit)
         pairs = [*zip(traces, gradients, strict=True)]

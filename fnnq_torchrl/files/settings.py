@@ -15,7 +15,7 @@ class _Loader(yaml.SafeLoader):
 
 
 def parse_settings(text: bytes) -> dict[str, Any] | None:
-    """Return the content of a YAML file as plain data, or None if it is damaged or no mapping."""
+    """Return the mapping in a YAML file as plain data; None if it is damaged or not a mapping."""
     try:
         plain = yaml.load(text, _Loader)  # noqa: S506  # a SafeLoader
     except Exception:  # the parser fails in many ways

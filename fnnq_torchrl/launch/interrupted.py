@@ -1,4 +1,4 @@
-"""The end of a command after the signal SIGINT."""
+"""The way a command ends after the signal SIGINT."""
 
 import sys
 from typing import NoReturn
@@ -9,8 +9,8 @@ from fnnq_torchrl.engine.limits import NO_THREADS, thread_startable
 def leave_interrupted(again: str = "") -> NoReturn:
     """End the program after SIGINT with one line and an exit status.
 
-    Not only Ctrl-C sends SIGINT: OpenBLAS raises it if it can't start its threads. The line says so
-    if no thread can be started, and the status is 1 then, not 130.
+    Ctrl-C sends SIGINT, and OpenBLAS raises SIGINT if it can't start its threads. If no thread can
+    be started, the line names that cause and the status is 1; otherwise the status is 130.
 
     Args:
         again: the command that resumes the work; empty if there is none.

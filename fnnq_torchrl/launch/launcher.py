@@ -83,7 +83,7 @@ class Multirun:
             JobFailed: if a result file of a finished job is damaged.
         """
         self._log()
-        self._to_draw = False  # not after a launch that is cut short
+        self._to_draw = False  # a launch that is cut short draws nothing
         jobs = compose_jobs(self._context.config_loader, self._config, job_overrides, first)
         _check_directories([*self._jobs, *jobs])
         missing = []

@@ -1,8 +1,9 @@
 """A search for the best values of some keys: Optuna proposes jobs, which are launched in batches.
 
-Optuna's ask-and-tell interface is used: a batch of proposals is asked for, the launcher trains it,
-and the scores are told. The same command in the same directory proposes the same jobs again, since
-each batch is drawn with a seed of its own; the launcher then runs only those that are missing.
+The search uses Optuna's ask-and-tell interface: it asks Optuna for a batch of proposals, the
+launcher trains the batch, and the search tells Optuna the scores. Each batch is drawn with its own
+seed, so the same command in the same directory proposes the same jobs again. The launcher then runs
+only the missing jobs.
 """
 
 import logging
@@ -38,27 +39,27 @@ from fnnq_torchrl.files.atomic import atomic_write
 from fnnq_torchrl.training.drawing import draw_search
 
 log = logging.getLogger(__name__)
-optuna.logging.set_verbosity(logging.WARNING)  # else it logs every trial
+optuna.logging.set_verbosity(logging.WARNING)  # at the default level, Optuna logs every trial
 
 RESULTS = "optimization_results.yaml"
-"""The file with the best values, named as that of Hydra's own plugin for Optuna."""
+"""The file with the best values; Hydra's own plugin for Optuna uses the same name."""
 
 _JOB = "fnnq_torchrl job"
-"""The attribute of a trial with the sweep's directory and the number of the trial's job."""
+"""The name of the trial attribute that holds the sweep's directory and the number of the job."""
 
 
 class Search:
-    """A search, in the directory of its multirun.
+    """A search for the best values, in the directory of a multirun.
 
     Args:
         settings: the sweeper's settings, as in ``conf/hydra/sweeper/optuna.yaml``.
         context: Hydra's context.
-        config: the configuration of the multirun itself.
+        config: the configuration of the multirun, without the values of single jobs.
         launcher: the launcher that runs the jobs.
         arguments: the overrides, some of them with several values or an interval.
 
     Raises:
-        ConfigError: if a setting isn't allowed, nothing is to be searched, or the database can't be
+        ConfigError: if a setting isn't allowed, no key has several values, or the database can't be
             used.
     """
 
@@ -103,7 +104,8 @@ class Search:
 
         Raises:
             ConfigError: if a job isn't valid, or the database can't be used.
-            Exception: that of a job that failed; the other jobs of its batch are told to Optuna.
+            Exception: the exception of a failed job, after Optuna was told the scores of the other
+                jobs of the batch.
         """
         self._directory.mkdir(parents=True, exist_ok=True)
         OmegaConf.save(self._config, self._directory / "multirun.yaml")
@@ -127,15 +129,15 @@ class Search:
         draw_search(self._study, self._directory)
 
     def _ask(self) -> list[Trial]:
-        """Return the next proposals, none at the end of the search."""
+        """Return the next batch of proposals; an empty list at the end of the search."""
         with self._database():
             trials = self._study.get_trials(deepcopy=False)
             counted = [t for t in trials if t.state is TrialState.COMPLETE or _JOB in t.user_attrs]
             missing = self._settings.n_trials - len(counted)
             if self._settings.sampler == "grid":
                 missing = sum(t.state is TrialState.WAITING for t in trials)
-            # With a seed for each batch, a search that goes on proposes what one that wasn't
-            # interrupted would have proposed.
+            # Each batch has its own seed, so that a resumed search makes the same proposals as a
+            # search that wasn't interrupted.
             self._study.sampler = self._sampler(len(trials))
             return [
                 self._study.ask(self._space) for _ in range(min(missing, self._settings.n_jobs))
@@ -144,7 +146,7 @@ class Search:
     def _run(self, trials: Sequence[Trial | FrozenTrial]) -> None:
         """Run the jobs of these trials, and tell Optuna their scores.
 
-        A proposal that is made twice is one job.
+        Equal proposals share one job.
         """
         launched: list[tuple[str, ...]] = []
         jobs: list[int] = []  # the number of each trial's job
@@ -165,10 +167,10 @@ class Search:
                 self._scores[job] = float(done.return_value)
         with self._database():
             for trial, job in zip(trials, jobs, strict=True):
-                if job in self._scores:  # the trial of a failed job stays open, for the next try
+                if job in self._scores:  # the trial of a failed job stays open and is tried again
                     self._study.tell(trial.number, self._scores[job], skip_if_finished=True)
         if repeated := len(trials) - len(launched):
-            log.info(f"{repeated:,} of {len(trials):,} proposals are of earlier jobs")
+            log.info(f"{repeated:,} of {len(trials):,} proposals repeat earlier jobs")
         if self._scores:
             self._write_best()
         for done in returns:
@@ -186,7 +188,7 @@ class Search:
         log.info(f"best so far: {name} with {best.value:.4g}: {words}")
 
     def _begun(self) -> list[FrozenTrial]:
-        """Return the trials that the database has of this directory, in the order of their jobs."""
+        """Return the trials of this directory from the database, in the order of their jobs."""
         with self._database():
             trials = self._study.get_trials(deepcopy=False)
         own = [t for t in trials if t.user_attrs.get(_JOB, [""])[0] == self._place]
@@ -197,7 +199,7 @@ class Search:
         return str(self._directory.absolute())
 
     def _sampler(self, batch: int = 0) -> BaseSampler:
-        """Return the sampler for a batch, by the number of its first trial."""
+        """Return the sampler for the batch that begins with the trial of this number."""
         [seed] = np.random.SeedSequence([self._settings.seed, batch]).generate_state(1).tolist()
         match self._settings.sampler:
             case "tpe":
@@ -215,7 +217,7 @@ class Search:
 
     @contextmanager
     def _database(self) -> Iterator[None]:
-        """Turn an error of the database into one line."""
+        """Turn an error of the database inside the block into a ConfigError of one line."""
         storage = self._settings.storage
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
@@ -231,10 +233,10 @@ class Search:
 
 
 def _distribution(override: Override) -> BaseDistribution:
-    """Return the values that an override with several values, or an interval, gives to a key.
+    """Return the distribution of a key whose override has several values or an interval.
 
     Raises:
-        ConfigError: if there are none, or their scale can't be logarithmic.
+        ConfigError: if the override has no value, or its scale can't be logarithmic.
     """
     sweep: Any = override.value()
     is_log = "log" in getattr(sweep, "tags", ())
@@ -261,7 +263,7 @@ def _distribution(override: Override) -> BaseDistribution:
 
 
 def _grid(space: Mapping[str, BaseDistribution]) -> Iterator[dict[str, Any]]:
-    """Return all combinations of values, the last key's values changing first.
+    """Return all combinations of values; the last key's value changes fastest.
 
     Raises:
         ConfigError: if a key has infinitely many values.
@@ -283,5 +285,5 @@ def _grid(space: Mapping[str, BaseDistribution]) -> Iterator[dict[str, Any]]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as it is in a configuration; a choice is kept as its text on the command."""
+    """Return a proposed value as a configuration has it; Optuna keeps a choice as text."""
     return yaml.safe_load(value) if isinstance(value, str) else value

@@ -1,4 +1,4 @@
-"""Standard streams that stay usable when the pipe or the log behind them is gone."""
+"""Standard streams that stay usable when the pipe or the log file behind them is gone."""
 
 import os
 import sys
@@ -10,11 +10,11 @@ from typing import IO, Any
 class LastingStream:
     """A text stream to which writing never fails: text that can't be written is dropped.
 
-    Libraries write to standard streams, too. Some turn a failed write into an exit (rich) or a
-    traceback in a thread, so the error must not reach them.
+    Libraries write to standard streams, too. Some libraries turn a failed write into an exit (rich)
+    or into a traceback in a thread, so a failed write must not raise.
 
     Args:
-        stream: the stream behind it.
+        stream: the stream that receives the text.
 
     Attributes:
         error: the first error of a write; None if there was none.
@@ -33,7 +33,7 @@ class LastingStream:
         return len(text)
 
     def flush(self) -> None:
-        """Write the texts so far, or drop them."""
+        """Flush the stream behind; text that can't be written is dropped."""
         try:
             self._stream.flush()
         except OSError as error:
@@ -44,9 +44,9 @@ class LastingStream:
 
 
 def one_line(message: object) -> str:
-    """Return a message as one line of printable characters; others are shown as escapes.
+    """Return a message as one line, with escapes in place of characters that aren't printable.
 
-    A file from elsewhere must not control the terminal by what an error quotes from it.
+    An error may quote a file from somebody else. The quoted text must not control the terminal.
     """
     line = " ".join(str(message).split())
     return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in line)
@@ -54,13 +54,15 @@ def one_line(message: object) -> str:
 
 @contextmanager
 def lasting_streams() -> Iterator[None]:
-    """Let the block write to standard output and standard error whether or not anybody reads.
+    """Make writing to standard output and standard error never fail in the block.
 
-    A stream that was closed when the program started is the null device in the block. If standard
-    output has lost text although the block ends well, the program ends with one line and status 1.
+    If a stream was closed when the program started, the null device takes its place in the block.
+    If the block succeeds but standard output has lost text, the program ends with one line on
+    standard error and status 1.
     """
     with ExitStack() as stack:
-        # The null device takes the free descriptor, which the next file would have taken.
+        # Opening the null device also takes the free descriptor of a closed stream; otherwise the
+        # next file would get that descriptor.
         out, err = (
             LastingStream(stream or stack.enter_context(open(os.devnull, "w")))
             for stream in (sys.stdout, sys.stderr)

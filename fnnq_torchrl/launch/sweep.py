@@ -48,7 +48,7 @@ class SweptResult:
 
 @dataclass(frozen=True)
 class _Finished:
-    """A finished job, and the seeds of its runs that no earlier job of the sweep has."""
+    """A finished job, with the seeds of the runs that no earlier job of the sweep has, too."""
 
     job: SweptResult
     seeds: list[int]
@@ -57,7 +57,7 @@ class _Finished:
 def write_sweep(directory: Path, jobs: Sequence[SweptResult], first: int = 0) -> None:
     """Write a sweep's own tables into its directory, and print one of its latest jobs.
 
-    A run that several jobs have is counted once, and a line tells of it. An unfinished job, which
+    A run that several jobs have is counted once, and a line reports it. An unfinished job, which
     has no summary.json, has a row in summary.csv with its keys alone, and is left out of the other
     files.
 
@@ -122,7 +122,7 @@ def _finished(jobs: Sequence[SweptResult]) -> list[_Finished]:
 
 
 def _tell_repeated(done: Sequence[_Finished]) -> None:
-    """Print a line if jobs repeat runs of earlier jobs."""
+    """Print a line if some jobs have runs that earlier jobs have, too."""
     runs = sum(len(each.job.runs.seeds) for each in done)
     if repeated := runs - sum(len(each.seeds) for each in done):
         announce(
@@ -144,7 +144,7 @@ def _kinds_of_score(done: Sequence[_Finished]) -> list[tuple[_Groups, Score, lis
     for each in done:
         groups = kinds.setdefault(each.job.score.name, {})
         groups.setdefault(each.job.runs.configuration, []).append(each)
-    # A configuration has the words of its first job.
+    # A configuration is named by the words of its first job.
     named = [group[0].job for groups in kinds.values() for group in groups.values()]
     keys = [key for key in swept_keys(named) if key not in WHICH_RUNS]
     return [

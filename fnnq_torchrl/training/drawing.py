@@ -65,7 +65,7 @@ def draw_search(study: Any, directory: Path) -> None:
 
 
 _PANELS, _PANEL_PX = 3, 240
-_FRAMES = 80  # at most, in a video; each takes some hundredths of a second to draw
+_FRAMES = 80  # the most frames in a video; drawing one takes some hundredths of a second
 
 
 @contextmanager

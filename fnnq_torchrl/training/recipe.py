@@ -1,4 +1,4 @@
-"""The recipe of a job's steps, by which the engine finds programs that it has compiled before."""
+"""Recipes of steps: texts by which the engine finds the programs that it has compiled before."""
 
 import json
 from dataclasses import fields
@@ -11,11 +11,11 @@ from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.training.jobs import BATCHABLE
 
 _NOT_OF_THE_STEP = (*ASIDE, *BATCHABLE, "engine", "situations")
-"""Keys whose values are inputs of a step, or no part of it."""
+"""Keys that don't change a step's program: their values are inputs of the step, or aren't used."""
 
 
 def recipe(config: Config, step: str, prior: str | None = None) -> str | None:
-    """Return the text that determines a step of a job, together with our source code.
+    """Return a text that, together with our source code, determines a step of a job.
 
     Args:
         config: the job's configuration.
@@ -23,13 +23,13 @@ def recipe(config: Config, step: str, prior: str | None = None) -> str | None:
         prior: the digest of the files of prior knowledge, if there are any.
 
     Returns:
-        The recipe, or None if the step runs a user's own code: nobody sees which other modules
-        that code depends on.
+        The recipe, or None if the step runs a user's own code, because it isn't known which other
+        modules that code depends on.
     """
     if is_own(config.env.kind) or is_own(config.value.kind):
         return None
     parts = {key: part for key, part in _settings(config).items() if key not in _NOT_OF_THE_STEP}
-    parts["evaluation"] = config.evaluation.every  # the starts are inputs, too
+    parts["evaluation"] = config.evaluation.every  # the fixed starts are inputs, too
     return json.dumps([step, prior, parts], sort_keys=True, default=_settings)
 
 

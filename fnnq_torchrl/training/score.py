@@ -11,7 +11,7 @@ _WORDS = {
     ("return", False): "return, mean over the episodes learned from",
     ("length", False): "steps of an episode, mean over those learned from",
 }
-"""The words for a measure, with tests or without."""
+"""The description of a score, by its measure and whether tests are played."""
 
 
 class Score(NamedTuple):

@@ -56,9 +56,9 @@ class Start:
 def with_imported_labels(jobs: Sequence[Job]) -> Sequence[Job]:
     """Return the jobs of a batch, with the labels and settings of ``rules.prior``'s file, if any.
 
-    The new configurations contain them as if a user had given them. Labels that a user has given
-    stay, and so do settings that differ from the default; :func:`read_start` compares them with the
-    file's.
+    The new configurations contain the file's labels and settings as if a user had given them.
+    Labels that a user has given, and settings that differ from the default, aren't replaced;
+    :func:`read_start` compares them with the file.
 
     Raises:
         ConfigError, OSError: as in :func:`read_start`.
@@ -91,7 +91,7 @@ def imported(config: Config) -> Config:
 
 
 def _with_labels(value: LabelsConfig, given: Definitions, world: WorldConfig) -> LabelsConfig:
-    """Return a copy with the labels of a file, whose variables are the world's."""
+    """Return a copy of the settings with the labels of a file about the world's variables."""
     names = [*world.observations, world.action_name]
     known = dict(zip(fit_words(names), names, strict=True)) | {name: name for name in names}
     labels: dict[str, list[Membership]] = {}

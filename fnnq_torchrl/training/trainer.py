@@ -223,7 +223,7 @@ class Trainer:
         )
 
     def _earned(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the same of the situations learned from since the evaluation before.
+        """Return successes, returns and lengths of the situations learned from between evaluations.
 
         Before learning there are none: the return and the length are NaN.
         """

@@ -152,7 +152,7 @@ def test_it_learns() -> None:
     ("overrides", "line"),
     [
         (("env.id=Maze-v0",), r"env\.id=Maze-v0: Environment `Maze` doesn't exist\."),
-        (("env.id=tests/Two-v0",), r"its action must be one of a set or in a range: Multi"),
+        (("env.id=tests/Two-v0",), r"its action must be Discrete or one bounded number, not Multi"),
         (("env.id=tests/Picture-v0",), r"its observations must be a row of numbers, not Box"),
         (("env.id=a b",), r"env\.id=a b: must be the name of an environment"),
     ],

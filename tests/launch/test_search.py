@@ -197,7 +197,7 @@ def test_a_proposal_made_twice_is_one_job(
 ) -> None:
     assert search(tmp_path, "trace=output,gradient", n_trials=12, n_jobs=6) == 0
     assert sorted(job for batch in trainings.batches for job in batch) == ["0", "1"]
-    assert "6 of 6 proposals are of earlier jobs" in capsys.readouterr().out
+    assert "6 of 6 proposals repeat earlier jobs" in capsys.readouterr().out
 
 
 def test_a_grid_is_all_its_jobs_in_order(search: Callable[..., int], tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_the_page_says_what_agrees(car: Experiment, traces: Experiment, walk: Ex
     assert differing.startswith(" for λ = 0.99 (-30 ± 2)")
     assert "| λ = 0.95 | 180 (1) | 180.0 [179.8, 180.2] |" in text
     assert "| accumulating | -406 (0.2) |" in text
-    assert "Before\nlearning the error is 0.548" in text
+    assert "the program measured 0.548" in text
     assert "{" not in text
 
 

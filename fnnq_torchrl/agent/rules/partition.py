@@ -102,7 +102,7 @@ class Variable:
             return []
         ends = [end for label in self.labels for end in label.function.support(label.parameters)]
         inside = sorted({end for end in ends if self.low < end < self.high})
-        # A label fires either at all numbers or at none between two neighbours of these.
+        # Between two neighbouring points, a label fires either everywhere or nowhere.
         points = [self.low, *inside, self.high]
         between = [_middle(low, high) for low, high in pairwise(points)]
         x = torch.tensor([*points, *between], dtype=torch.float64)

@@ -37,15 +37,15 @@ class Definitions:
         return RulesError(f"{self.file}: {message}") if place is None else place.error(message)
 
     def check(self, variables: Sequence[Variable], t_norm: str, elsewhere: str) -> None:
-        """Check that the definitions agree with a network's.
+        """Check that the definitions agree with a network's variables and settings.
 
         Args:
-            variables: the network's state inputs and, last, the action, which the file of a
-                controller lacks.
+            variables: the network's state inputs and, last, the action. A file with a controller
+                has no action among its inputs.
             t_norm, elsewhere: the network's settings.
 
         Raises:
-            RulesError: if they differ; the message gives the place and what was expected.
+            RulesError: if they differ; the message gives the place and the expected definition.
         """
         for name, ours in (("t_norm", t_norm), ("elsewhere", elsewhere)):
             setting = self.settings.get(name, ours)

@@ -59,7 +59,8 @@ def from_content(
     """Return a network's initial consequents from a complete rule base or controller.
 
     Args:
-        content: Q, with the action as its last input, or a controller, with it as the output.
+        content: Q, with the action as its last input, or a controller, with the action as its
+            output.
         variables, margin, t_norm, elsewhere: as in :func:`read_prior`.
 
     Returns:

@@ -84,12 +84,13 @@ class RuleBase(FuzzySystem):
     def from_sum(cls, parts: Sequence["RuleBase"], names: Sequence[str]) -> "RuleBase":
         """Return the single rule base whose Q is the sum of several rule bases' Q.
 
-        It has a rule for every combination of the labels of all inputs, whose consequent is the sum
-        of the parts' consequents for these labels. With the product t-norm the parts' normalised
-        firing strengths factor, so the sum is exact.
+        The single rule base has a rule for every combination of the inputs' labels. A rule's
+        consequent is the sum of the parts' consequents for these labels. With the product t-norm
+        the parts' normalised firing strengths factor, so the sum is exact.
 
         Args:
-            parts: rule bases about the same action; equal inputs have equal labels.
+            parts: rule bases about the same action; an input of several parts has the same labels
+                in each.
             names: the names of all state inputs, in the wanted order.
 
         Raises:

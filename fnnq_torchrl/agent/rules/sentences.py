@@ -90,7 +90,10 @@ def read(text: str, file: str) -> Content:
 
 
 def read_definitions(text: str, file: str) -> Definitions:
-    """Read the definitions of a file that may lack some or all of them; otherwise as :func:`read`.
+    """Read the definitions of a file, which may lack some or all definitions.
+
+    Args:
+        text, file: as in :func:`read`.
 
     Raises:
         RulesError: if a definition has a mistake; the message gives the place.

@@ -154,11 +154,11 @@ class FuzzySystem:
         ]
 
     def refuse_gaps(self, ending: str, able: str) -> None:
-        """Refuse a format that can't express what happens where no label fires.
+        """Refuse a format that can't express the output where no label fires.
 
         Args:
             ending: the format's ending.
-            able: the setting with which the format can, if any.
+            able: the setting with which the format can express it; empty if there is none.
 
         Raises:
             RulesError: if an input has gaps between its labels.
@@ -209,7 +209,7 @@ def fit_names(system: FuzzySystem) -> FuzzySystem:
 
 
 def fit_inputs(variables: Sequence[Variable]) -> tuple[Variable, ...]:
-    """Return variables with the names that :func:`fit_names` gives them and their labels."""
+    """Rename variables and their labels by :func:`fit_words`."""
     names = fit_words([variable.name for variable in variables])
     return tuple(
         Variable(

@@ -18,10 +18,10 @@ Span = Sequence[float]
 class TilesValue(ValueNetwork):
     """Tile coding: Q(s, a) is the sum of one weight of every tiling, that of the tile at (s, a).
 
-    A tiling is a grid over all inputs and the action; the actions of a fixed set have tiles of
-    their own instead. Tiling t is offset by t·(1, 3, 5, …)/tilings of a tile along input 1, 2, 3,
-    …, modulo a tile. To cover the range despite its offset, a grid has one extra tile along each
-    dimension. A number beyond the range falls into the edge's tile.
+    A tiling is a grid over all inputs and the action. If the actions are a fixed set, each action
+    has its own tiles instead. Tiling t is offset by t·(1, 3, 5, …)/tilings of a tile along input 1,
+    2, 3, …, modulo a tile. To cover the range despite its offset, a grid has one extra tile along
+    each dimension. A number beyond the range falls into the edge's tile.
 
     Every run has its own weights, all zero at the start: ``weight`` is ``[runs, tiles of input 1,
     …, action tiles, tilings]``, with the runs last in memory.
@@ -31,7 +31,7 @@ class TilesValue(ValueNetwork):
 
     Args:
         inputs: the range (low, high) of each observation, by its key in the TensorDict.
-        action: the range (low, high) of the action; None for tiles of each candidate's own.
+        action: the range (low, high) of the action; None gives each candidate its own tiles.
         candidates: the candidate actions, ``[candidates]``, in the network's dtype and device.
         tilings: the number of grids.
         tiles: the number of tiles that fit into each range.

@@ -47,7 +47,7 @@ def compiler() -> str:
 
 
 class CannotCompile(ConfigError):
-    """Programs can't be compiled or loaded here.
+    """An error: programs can't be compiled or loaded on this machine.
 
     Args:
         reason: the reason, in one line.
@@ -181,7 +181,7 @@ def libraries() -> Path:
 
 
 def compiling() -> str:
-    """Return what else than a program's text determines its library: compiler, machine, flags."""
+    """Return a text that identifies the compiler, the machine and the flags of a library."""
     return f"{_target(compiler())}\n{_FLAGS}"
 
 
@@ -201,7 +201,7 @@ def load(library: Path) -> Run:
 def _make(library: Path, text: str) -> None:
     try:
         library.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        # Other jobs may compile the same program now: each writes its own file; the last one wins.
+        # Other jobs may compile the same program now. Each job writes its own file; the last wins.
         with atomic_write(library) as file:
             arguments = ["-x", "c++", *_FLAGS.split(), "-", "-o", file.name]
             _compile(compiler(), arguments, text, library.parent)

@@ -1,9 +1,9 @@
-"""Write a step as a JavaScript module, which takes a single lane through one step at a time.
+"""Write a step as a JavaScript module, which computes one step of a single run at a time.
 
-It is for pages that play a learned policy: the browser computes what torch computes, from the same
-expressions. Real numbers of 32 bits are rounded after every operation; 64-bit integers are BigInts.
-Exponentials, sines and the like are those of the browser, which may differ from torch's in the last
-place.
+Pages that play a learned policy use the module: the browser evaluates the same expressions as the
+C++ program. 32-bit real numbers are rounded after every operation; 64-bit integers are BigInts.
+Exponentials, sines and similar functions are the browser's, whose last digit may differ from
+torch's.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ function toEven(x) {
 }
 $tables
 $arrays
-// Takes the lane through one step: changes the leaves, an array of typed arrays, in place.
+// Computes one step of the run. Changes the leaves, an array of typed arrays, in place.
 export function step(leaf) {
 $leaves
 $constants
@@ -53,7 +53,7 @@ $body
 
 
 class JavaScript(Language):
-    """JavaScript on a single lane."""
+    """JavaScript, which computes on a single lane."""
 
     index_type = "let"
 
@@ -122,11 +122,11 @@ class JavaScript(Language):
 def module(leaves: Sequence[Leaf]) -> str:
     """Return the text of a JavaScript module that exports ``step(leaf)``.
 
-    The function changes the leaves in place: typed arrays (:data:`ARRAYS`) of the elements of one
-    lane, in row-major order.
+    The function changes the leaves in place. Each leaf is a typed array (:data:`ARRAYS`) with the
+    elements of one lane in row-major order.
 
     Args:
-        leaves: the tensors, in the order in which the function takes them.
+        leaves: the tensors and their new values, in the order of the function's array.
 
     Raises:
         Unsupported: if an operation has no translation.
@@ -146,7 +146,7 @@ def module(leaves: Sequence[Leaf]) -> str:
 
 
 def _rounded(dtype: torch.dtype, formula: str) -> str:
-    """Round a number that was computed as a double, or wrap a whole one, to its dtype."""
+    """Write the rounding of a real result, or the wrapping of a whole one, to its dtype."""
     if dtype is torch.float32:
         return f"Math.fround({formula})"
     if dtype is torch.float64:

@@ -1,7 +1,8 @@
-"""Find the program of a step that was traced before, without tracing it again.
+"""Load the program of a step that was compiled before, without tracing the step again.
 
-Tracing a step and writing out its program takes seconds; loading the program takes none. So the
-cache holds a note for each recipe: the name of the library and the digest of its content.
+Tracing a step and writing its program takes seconds; loading a compiled program is much faster. So
+the cache has a note for each recipe, with the name of the compiled library and the digest of its
+content.
 """
 
 import functools
@@ -20,24 +21,24 @@ from fnnq_torchrl.files.atomic import atomic_write
 from .build import Run, build, cache_directory, compiling, libraries, library_of, load
 
 _TRACING = ("torch", "tensordict", "torchrl", "numpy")
-"""The libraries that take part in tracing."""
+"""The libraries whose versions can change the traced program."""
 
 _PACKAGES = (Path(envs.__file__).parent, Path(__file__).parents[2])
-"""Our own packages: each of their modules may take part in tracing."""
+"""Our own packages, whose source code can change the traced program."""
 
 
 def program(recipe: str | None, text: Callable[[], str]) -> Run:
-    """Return the function ``run`` of a step's program, tracing the step only if it is unknown.
+    """Return the function ``run`` of a step's program; trace the step only if it isn't cached.
 
-    A note or a library that is damaged or somebody else's counts as none.
+    A note or a library that is damaged, or that belongs to another user, is ignored.
 
     Args:
         recipe: the text that determines the step, together with the source code of our packages;
             None if the step must be traced.
-        text: traces the step and returns the text of its program.
+        text: a function that traces the step and returns the text of its program.
 
     Raises:
-        Exception: what ``text`` and :func:`.build` raise.
+        Exception: any exception of ``text`` or :func:`.build`.
     """
     if recipe is None:
         return build(text())
@@ -57,7 +58,7 @@ def program(recipe: str | None, text: Callable[[], str]) -> Run:
 
 
 def _surroundings() -> tuple[str, ...]:
-    """Return what else determines a program: the code that traces the step, and the machine."""
+    """Return texts that identify the code that traces the step, the compiler and the machine."""
     return (
         sys.version,
         *map(version, _TRACING),

@@ -88,7 +88,7 @@ def program(leaves: Sequence[Leaf], over: int | None = None) -> str:
 class Cpp(Language):
     """C++ with compiler extensions: every value is a vector of lanes (:mod:`.prelude`)."""
 
-    index_type = "int64_t"  # an int would be widened to an address anew in each iteration
+    index_type = "int64_t"  # an int would be widened to an address in each iteration
 
     def literal(self, number: float, dtype: torch.dtype) -> str:
         if dtype is torch.bool:

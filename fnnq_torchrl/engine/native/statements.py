@@ -1,8 +1,8 @@
 """Write a step as the statements of a programming language, in the order of :mod:`.nests`.
 
-The languages differ in how they write a number, a formula or an array; a :class:`Language` knows
-that. The C++ of :mod:`.source` computes on vectors of lanes, the JavaScript of :mod:`.javascript`
-on a single lane.
+A :class:`Language` writes numbers, formulas and arrays in its own syntax. A lane is the place of
+one run in the program. The C++ of :mod:`.source` computes on vectors of lanes, the JavaScript of
+:mod:`.javascript` on a single lane.
 """
 
 from abc import ABC, abstractmethod
@@ -19,7 +19,7 @@ from .expressions import WHOLE, Axis, Expression, Place, Where, in_order
 from .nests import Loop, Nests, Node, Write, arrange, is_computed, shared
 
 _REGISTERS = 8
-"""The most sums in one loop: half of a processor's vector registers."""
+"""The largest number of sums in one loop: half of a processor's vector registers."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Leaf:
 
 
 class Language(ABC):
-    """A programming language, which writes the parts of statements as text."""
+    """A programming language, whose methods write the parts of statements as text."""
 
     index_type: str
     """The word that declares the variable of a loop."""
@@ -47,7 +47,7 @@ class Language(ABC):
 
     @abstractmethod
     def define(self, dtype: torch.dtype, name: str, formula: str) -> str:
-        """Write the definition of a value that doesn't change."""
+        """Write the definition of a constant."""
 
     @abstractmethod
     def declare(self, dtype: torch.dtype, name: str, first: str) -> str:
@@ -71,15 +71,16 @@ class Language(ABC):
 
     @abstractmethod
     def anywhere(self, mask: str) -> str:
-        """Write whether a mask is true in any lane."""
+        """Write the condition that a mask is true in at least one lane."""
 
     @abstractmethod
     def formula(self, op: str, value: Expression, operands: Sequence[str]) -> str:
         """Write an operation.
 
         Args:
-            op: the operation, ``value.op`` or, in a reduction, the operation that reduces.
-            value: its result.
+            op: the operation: ``value.op`` or, for a reduction, the operation that combines two
+                elements.
+            value: the expression that the operation computes.
             operands: the text of the operands.
 
         Raises:
@@ -94,7 +95,7 @@ class Statements:
         language: the language to write in.
         every: all expressions, each after its operands.
         once: the expressions that are computed once, before the first step.
-        nests: the order and the loops of the others.
+        nests: the order and the loops of all other expressions.
     """
 
     def __init__(
@@ -148,7 +149,7 @@ class Statements:
         return {write.leaf for write in self._nests.around if isinstance(write, Write)}
 
     def _settle(self, value: Expression) -> None:
-        """Find the loops that a value is computed in; if it is read outside, it needs an array."""
+        """Find the loops around a value's computation; a value read outside them needs an array."""
         home, inner = self._nests.around[value], tuple[Axis, ...]()
         if value.op == "fold":
             depth = [loop.axis for loop in home].index(value.args[1])
@@ -163,7 +164,7 @@ class Statements:
             self._axes[value] = axes
 
     def arrays(self) -> dict[str, tuple[torch.dtype, int]]:
-        """Return the dtype and the size of each array that a vector of lanes needs, by name."""
+        """Return the dtype and the size of each intermediate array, by the array's name."""
         arrays = {
             self._array(value): (value.dtype, prod(axis.size for axis in axes))
             for value, axes in self._axes.items()
@@ -294,7 +295,7 @@ class Statements:
         return prod(inner.size for inner in axes[axes.index(axis) + 1 :])
 
     def _name(self, value: Expression, around: tuple[Loop, ...]) -> str:
-        """Return the text that reads a value from within the loops around the reader."""
+        """Return the text that reads a value inside the given loops."""
         if value.op == "table":
             table, _ = self._tables[_table(value)]
             return self._language.entry(value.dtype, table, _index(value.args[1]))
@@ -332,10 +333,10 @@ class Statements:
 
 
 def _writes(leaves: Sequence[Leaf]) -> list[Write]:
-    """Return the writes of a step; masked copies from another leaf have a source of their own.
+    """Return the writes of a step; the write of a masked copy names the leaf that is copied.
 
-    The program skips a masked copy in the steps where no lane needs it. An example is the copy of
-    the weights for an evaluation, which is large and rarely needed.
+    The program skips a masked copy in the steps where no lane needs the copy. An example is the
+    copy of the weights for an evaluation, which is large and rarely needed.
     """
     all_of = [(n, place, new) for n, leaf in enumerate(leaves) for place, new in leaf.next]
     by_value = {(place, new): leaf for leaf, place, new in all_of if place.strides}
@@ -353,7 +354,7 @@ def _writes(leaves: Sequence[Leaf]) -> list[Write]:
 
 
 def _table(value: Expression) -> tuple[torch.dtype, str]:
-    """Return what tells apart the table of a look-up: its numbers' dtype and their text."""
+    """Return the key of a look-up's table: the dtype and the text of the table's numbers."""
     return value.dtype, repr(value.args[0])
 
 

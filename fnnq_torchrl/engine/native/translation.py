@@ -1,4 +1,4 @@
-"""Translate a step into scalar expressions, and these into the text of a C++ program."""
+"""Translate a step into scalar expressions, and the expressions into a C++ program."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ from .source import program
 from .statements import Leaf
 
 _MOST = 100_000
-"""The most expressions in the steps of two runs; a C++ compiler takes two minutes for so many."""
+"""The largest number of expressions in the steps of two runs; compiling so many takes 2 minutes."""
 
 
 def source(step: Step, stays: TensorDictBase, state: TensorDictBase) -> str:
@@ -35,7 +35,7 @@ def source(step: Step, stays: TensorDictBase, state: TensorDictBase) -> str:
 
 
 def written_out(step: Step, stays: TensorDictBase, state: TensorDictBase) -> list[Leaf]:
-    """Return what one run computes in a step, as scalar expressions.
+    """Return the computation of one run's step as scalar expressions.
 
     Args:
         step: the step for two runs.
@@ -53,7 +53,8 @@ def written_out(step: Step, stays: TensorDictBase, state: TensorDictBase) -> lis
     fixed, carried = leaves(stays), leaves(state)
     tensors = [*fixed.values(), *carried.values()]
     make = Expressions(_MOST, large_sizes(tensor.shape[:-1] for tensor in tensors))
-    # The step is run on two runs and again with them swapped: a run's result must be the same.
+    # The step is evaluated on two runs, and again on the two runs in swapped order. A run's result
+    # must be the same both times.
     given = [inputs(tensor, make, number) for number, tensor in enumerate(tensors)]
     outputs = _write_out(graph, given, make)
     swapped = _write_out(graph, [_swapped(array) for array in given], make)

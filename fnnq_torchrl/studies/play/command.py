@@ -1,14 +1,14 @@
 """Play with a learned controller in the browser: ``python -m fnnq_torchrl.play run=DIR``.
 
-The page is served at 127.0.0.1, to this machine only, until Ctrl-C.
+The page is served at 127.0.0.1, which only this machine can reach, until you press Ctrl-C.
 
 Keys, each as key=value:
 
     run     the directory of a finished job of task=follow
-    seed    the seed of one of its runs (default: the first)
-    to      a file to write the page to, instead of serving it; browsers open it from disk
+    seed    the seed of one of the job's runs (default: that of the first run)
+    to      a file to which the page is written, instead of being served
     port    the port at which the page is served (default: any free one)
-    own     true: import your own classes that the job's configuration names
+    own     true: import the classes of your own that the job's configuration names (default: false)
 """
 
 import sys
@@ -83,6 +83,6 @@ def make_server(page: bytes, port: int = 0) -> HTTPServer:
             self.wfile.write(page if found else b"")
 
         def log_message(self, *_: object) -> None:
-            """Tell nothing of each request."""
+            """Log no requests."""
 
     return HTTPServer(("127.0.0.1", port), Handler)

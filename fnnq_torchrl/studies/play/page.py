@@ -1,4 +1,4 @@
-"""The page as one file of HTML that needs nothing else, not even a network."""
+"""The page for playing with a controller: one HTML file that needs no other file and no network."""
 
 import json
 from dataclasses import asdict, replace
@@ -21,7 +21,7 @@ from fnnq_torchrl.training.policies import load_policy, load_rules
 from fnnq_torchrl.training.weights import load_checkpoint
 
 _STARTS = 200
-"""The number of the ball's starts from which the page takes one after the other."""
+"""The number of starts of the ball; the page uses them in turn."""
 
 _DOWNLOADS = {
     ".txt": "as sentences, from which learning can start: rules.prior=rules.txt",
@@ -32,17 +32,17 @@ _DOWNLOADS = {
 
 
 def make_page(run: Path, seed: int | None = None, *, own: bool = False) -> str:
-    """Return the page of one run of a finished job.
+    """Return the HTML text of the page for one run of a finished job.
 
     Args:
         run: the job's directory.
-        seed: the seed of the run; by default that of the first.
+        seed: the seed of the run; by default that of the job's first run.
         own: whether to import the user's classes that the configuration names.
 
     Raises:
         OSError: if a file can't be read.
-        ValueError: if the job is damaged, has no such run, or its world has no single ball on a
-            circle.
+        ValueError: if the job's files are damaged, the job has no run with this seed, or its world
+            isn't one of ``task=follow``.
         Unsupported: if the job's value function can't be written out in JavaScript.
     """
     checkpoint = load_checkpoint(run / "checkpoint.pt")
@@ -88,7 +88,7 @@ def _part(name: str) -> str:
 
 
 def _starts(world: FollowBallConfig, seed: int, dtype: torch.dtype) -> list[dict[str, float]]:
-    """Return the ball's entries at the starts of the run's first episodes."""
+    """Return the ball's state at the start of each of the run's first episodes."""
     env = HeldBall(world, [_STARTS], dtype=dtype)
     episode = torch.arange(_STARTS).unsqueeze(-1)
     start = env.start(torch.full_like(episode, seed), episode)
@@ -98,7 +98,11 @@ def _starts(world: FollowBallConfig, seed: int, dtype: torch.dtype) -> list[dict
 
 
 def _rules(rules: RuleBase) -> dict[str, Any]:
-    """Return the words of the table of rules: a row for each state, a column for each action."""
+    """Return the headings of the table of rules and the sentence of each rule.
+
+    The table has a row for each combination of the first inputs' labels, and a column for each
+    label of the last input.
+    """
     words = [[label.name for label in variable.labels] for variable in rules.inputs]
     premises = [rules.premise(labels) for labels, _ in rules.rules()]
     names = [variable.name for variable in rules.inputs]
@@ -113,7 +117,8 @@ def _rules(rules: RuleBase) -> dict[str, Any]:
 def _files(rules: RuleBase) -> list[dict[str, str]]:
     """Return the files that the page offers, with ``@n@`` in place of the number of rule n.
 
-    They are written with numbers that occur nowhere else, which are then replaced.
+    Each file is written with numbers that occur nowhere else in it. These numbers are then replaced
+    by the placeholders.
     """
     count = rules.consequents.numel()
     marks = [f"{2**20 + n}.5" for n in range(count)]

@@ -5,7 +5,7 @@ const colour = (name) => style.getPropertyValue(`--${name}`).trim();
 const byId = (id) => document.getElementById(id);
 const whole = (kind) => kind === "BigInt64Array";
 
-// A robot of its own weights. Its leaves are what the step reads and writes, by name.
+// A robot with its own weights. Its leaves are the arrays that the step reads and writes.
 class Robot {
     constructor(name) {
         this.name = name;
@@ -39,7 +39,7 @@ class Robot {
         this.seen = this.of["world/bearing"][0];
     }
 
-    // Give the robot's world the ball that all worlds share.
+    // Copy the ball, which both robots share, into the robot's world.
     hold() {
         for (const [key, number] of Object.entries(ball)) this.of[`world/${key}`][0] = number;
     }
@@ -141,7 +141,7 @@ function draw(robot, share) {
     at.fill();
 }
 
-// Q of every candidate; the scale is from the lowest to the highest.
+// Draw Q of every candidate, on a scale from the lowest to the highest Q.
 function drawValues() {
     const canvas = byId("values"), at = canvas.getContext("2d"), values = [...learned.of.action_value];
     const fine = globalThis.devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;
@@ -239,7 +239,7 @@ function light() {
     cells.forEach(({ cell }, n) => (cell.style.background = `rgba(${colour("lit")}, ${0.75 * learned.of.fired[n]})`));
 }
 
-// The file as the rules command writes it, with the numbers of the table in their places.
+// Return the file as the rules command writes it, with the numbers of the table.
 function filled(file) {
     const numbers = [...learned.of["weights/weight"]];
     return file.text
@@ -322,5 +322,5 @@ function frame(now) {
     requestAnimationFrame(frame);
 }
 requestAnimationFrame(frame);
-// For tests and the curious.
+// For the tests, and for the browser's console.
 globalThis.play = { robots, ball, learned, step, filled, data };

@@ -1,4 +1,4 @@
-"""The step that the page repeats, written out in JavaScript: a greedy action, then the world."""
+"""The step that the page repeats, in JavaScript: a greedy action, then a step of the world."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -25,7 +25,7 @@ DIALS = "speed_mps", "bearing_noise_rad"
 
 
 class _Dialled:
-    """A world's parameters, of which some are tensors instead of the configuration's numbers."""
+    """A world's parameters, with tensors in place of the numbers that the page can change."""
 
     def __init__(self, world: WorldConfig, dials: dict[str, Tensor]) -> None:
         self._world, self._dials = world, dials
@@ -36,12 +36,12 @@ class _Dialled:
 
 @dataclass(frozen=True)
 class Program:
-    """A step in JavaScript, and the leaves that it takes.
+    """A step in JavaScript, and its leaves: the arrays that the step reads and writes.
 
     Attributes:
         text: the module, which exports ``step(leaf)``.
-        leaves: for each leaf its name (``weights/weight``, ``world/x_m``), the class of its array
-            and its numbers at the start.
+        leaves: the name of each leaf (such as ``weights/weight`` or ``world/x_m``), the JavaScript
+            class of its array, and its numbers before the first step.
     """
 
     text: str
@@ -74,11 +74,11 @@ def write_program(world: FollowBallConfig, network: ValueNetwork, seed: int) -> 
 def make_step(
     world: FollowBallConfig, network: ValueNetwork, seed: int
 ) -> tuple[Step, TensorDict, TensorDict]:
-    """Return the step of two runs, what it takes and the state before it.
+    """Return the step of two runs, its constant inputs and the state before the first step.
 
-    Besides ``world``, the state has ``action``, ``action_value`` of all candidates, ``done``,
-    ``success`` and, for a network with rules, ``fired``, the strength with which each rule fired
-    for the action, shaped as the consequents.
+    Besides ``world``, the state has ``action``, ``action_value`` of all candidates, ``done`` and
+    ``success``. For a network with rules the state also has ``fired``, the strength with which each
+    rule fired for the action, in the shape of the consequents.
 
     Args:
         world, network, seed: as in :func:`write_program`.

@@ -38,9 +38,9 @@ python -m fnnq_torchrl.rules run=outputs/an_earlier_job record=FILE.csv
   rules of actions, `if bearing is far_left then steer hard_left`, and need not have all of them
   (`.txt`). Or it has a whole rule base or a distilled controller, as `export=` writes it (`.txt`,
   `.json`, `.fll`, `.fis`). Rules that the file leaves out start at 0.
-* A file that defines labels brings them along: the network gets its inputs, labels, t-norm and
-  `elsewhere`, and the finished job doesn't need the file. But labels that you have set
-  (`value.inputs`, `value.action`, `value.names`) stay, and the file's must then be the same.
+* If a file defines labels, the network gets the file's inputs, labels, t-norm and `elsewhere`,
+  and the finished job doesn't need the file. Labels that you have set (`value.inputs`,
+  `value.action`, `value.names`) take precedence, and the file must then have the same labels.
 * A rule of an action becomes values. If it says a\\* for a state, the value rule of that state and
   the action label at a starts at margin · (1 − ((a − a\\*)/d)²), where d is the distance between
   the outermost labels: the margin (`rules.margin`) for a\\*, 0 at the far end. Between the states

@@ -1,4 +1,4 @@
-"""The page in Markdown. The numbers in it come from the results."""
+"""The page ``docs/textbook.md``, written from the results in Markdown."""
 
 from collections.abc import Callable, Sequence
 
@@ -14,65 +14,68 @@ from .published import REWARDS, RUNS, STEPS, TILINGS, Comparison, Point, compare
 from .walk import Errors
 
 _WORDS = {"gradient": "accumulating", "clearing": "replacing, with clearing"}
-"""The words for traces whose names say too little."""
+"""Descriptions of traces, by their names in the configuration, if the name isn't clear enough."""
 
 Samples = Callable[[Job], NDArray[np.float64]]
 
 _PAGE = """# The textbook's figures
 
 Sutton and Barto's book *Reinforcement learning* (2018) compares traces on Mountain Car and on the
-random walk. These are its figures by this program, beside the published ones.
+random walk. This page repeats its figures with this program and compares them with the published
+ones.
 
 {conclusion}
 
-`make textbook` writes this page from result files; no number in it was typed by hand, except for
-the published ones.
+`make textbook` writes this page from result files. Only the published numbers were typed by hand.
 
 ## Mountain Car, Sarsa(λ) with replacing traces (figure 12.10)
 
-Eight tilings of 8 × 8 tiles, γ = 1, ε = 0. The measure is the number of steps an episode, mean over
+Eight tilings of 8 × 8 tiles, γ = 1, ε = 0. The measure is the mean number of steps an episode over
 the first 50 episodes. The published values are from the public replication of the book by S. Zhang:
 means over {published_runs} runs, read off a plot to within ± 2. Brackets are {confidence:g} %
-intervals. The difference is that between the means at the published α · 8; beside it is
-√(s.e.² + 2²).
+intervals. The difference is our mean minus the published mean, both at the published α · 8. Its
+error, after ±, is √(s.e.² + 2²). The standard error (s.e.) of the difference assumes that the
+published runs spread as ours do.
 
 {steps}
 ![Steps an episode against α, for each λ](figures/textbook_car.png)
 
 ## Mountain Car, four traces (figure 12.11)
 
-λ = 0.9; the measure is the reward of an episode, mean over the first 20 episodes. The published
-values are read off a plot to within ± 5.
+λ = 0.9. The measure is the mean reward of an episode over the first 20 episodes. The published
+values were read off a plot to within ± 5.
 
 {rewards}
-In the replication, *dutch* isn't true online Sarsa(λ), as it is here, and accumulating traces with
-α · 8 above 0.6 weren't run.
+Here *dutch* is true online Sarsa(λ); in the replication it isn't. The replication has no results
+for accumulating traces with α · 8 above 0.6.
 
 ## Random walk, TD(λ) (figures 12.6 and 12.8)
 
-{states} states; the measure is the error of their values, root mean square, mean over the first 10
-episodes and over {walk_runs:,} runs. The true values are known: −0.9, −0.8, …, 0.9. Before
-learning the error is {before:.3f}, as √0.3 = 0.548 says.
+The walk has {states} states. The measure is the root-mean-square error of their values, averaged
+over the first 10 episodes and {walk_runs:,} runs. The true values are −0.9, −0.8, …, 0.9. Before
+learning all values are 0, so the error should be √0.3 = 0.548; the program measured {before:.3f}.
 
 {walk}
 ![The error against α, for each λ and trace](figures/textbook_walk.png)
 
-## Where ours differs
+## Differences from the replication
 
 * **The next action** is chosen before the update and taken in the next step, as in the book's
-  boxes. A program that chooses it again after the update has other results: by 10 to 15 steps with
-  replacing traces, and several times the steps with accumulating ones.
+  boxes. A program that chooses the action again after the update has different results: its steps
+  an episode differ by 10 to 15 with replacing traces, and are several times as many with
+  accumulating traces.
 * **Traces** are cleared at the end of an episode. The replication never clears them, which costs
   it about 9 steps an episode at λ = 0.99.
-* **Ties** are broken at random, and there by the lowest action (2 steps at most).
-* **Tiles** have a weight each. The replication's are hashed, so that two tiles may share a weight.
-* **The cap** is 5,000 steps an episode in both. Here it is a truncation, after which the last step
-  bootstraps.
+* **Ties** between actions are broken at random; the replication takes the lowest action. This
+  changes the steps an episode by 2 at most.
+* **Tiles** have one weight each. The replication hashes its tiles, so two tiles may share a weight.
+* **The cap** is 5,000 steps an episode in both programs. Here an episode that reaches the cap is
+  truncated, and its last step bootstraps.
 """
 
 
 def write_page(car: Experiment, traces: Experiment, walk: Sequence[Errors]) -> str:
-    """Return the page.
+    """Return the text of the page.
 
     Args:
         car, traces: the results of ``+experiment=sutton_barto_12_10`` and ``…12_11``.
@@ -118,7 +121,7 @@ def _conclusion(car: Experiment, traces: Experiment) -> str:
 
 
 def _judged(what: str, compared: Sequence[tuple[str, Comparison]]) -> str:
-    """Return the line that says which means are the published ones."""
+    """Return the line that says which means agree with the published ones."""
     words = {
         agrees: [
             f"{name} ({each.difference:+.0f} ± {each.error:.0f})"
@@ -148,7 +151,7 @@ def _at(jobs: Sequence[Job], point: Point) -> Job:
     """Return the job at a published point.
 
     Raises:
-        NoResults: if it is missing.
+        NoResults: if there isn't exactly one such job.
     """
     found = [job for job in jobs if abs(job.settings["alpha"] * TILINGS - point.at) < 1e-6]
     if len(found) != 1:

@@ -20,7 +20,7 @@ from .published import STEPS, TILINGS
 from .walk import Errors
 
 _SHOWN = 300
-"""The largest number of steps shown, as in the book."""
+"""The largest number of steps an episode in the figure, as in the book."""
 
 _BAND = f"band: its {100 * CONFIDENCE:g} % interval"
 

@@ -18,7 +18,7 @@ TILINGS = 8
 
 
 class Point(NamedTuple):
-    """The best value of a published curve, the place on its axis (α · 8), and the reading error."""
+    """The best value of a published curve, the α · 8 of that value, and its reading error."""
 
     value: float
     at: float
@@ -43,12 +43,12 @@ REWARDS = {
 
 
 class Comparison(NamedTuple):
-    """A difference from a published point, and what chance and reading explain of it.
+    """The difference of our mean from a published point, and the error of that difference.
 
     Attributes:
         difference: our mean less the published value.
-        error: √(s.e.² + reading error²), where s.e. is that of the difference of both means. The
-            spread of the published runs isn't known, and is taken to be that of ours.
+        error: √(s.e.² + reading error²), where s.e. is the standard error of the difference of the
+            two means. The spread of the published runs isn't known; it is assumed to equal ours.
     """
 
     difference: float

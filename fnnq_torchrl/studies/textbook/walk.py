@@ -10,10 +10,10 @@ from fnnq_torchrl.training.weights import load_snapshots
 
 
 class Errors(NamedTuple):
-    """The errors of a setting.
+    """The errors of the predicted values with one trace, λ and α.
 
     Attributes:
-        trace, lam, alpha: the setting.
+        trace, lam, alpha: the kind of trace, λ and α.
         errors: the root mean square error of the states' values, mean over episodes, ``[runs]``.
         before: the error before learning, equal in all runs.
     """
@@ -28,7 +28,7 @@ class Errors(NamedTuple):
 def true_values(states: int, left: float, right: float) -> NDArray[np.float64]:
     """Return the expected return of each state, ``[states]``.
 
-    The walk from place k of n ends on the right with probability k/(n + 1).
+    From state k of n, the walk ends on the right with probability k/(n + 1).
     """
     share = np.arange(1, states + 1) / (states + 1)
     values: NDArray[np.float64] = left + (right - left) * share

@@ -30,7 +30,7 @@ logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)  # logs eve
 logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # logs every retry
 
 _EXPERIMENT = "fnnq_torchrl"
-"""The experiment of a user who names none."""
+"""The experiment if the user names none."""
 
 _METRICS_AT_ONCE = 1000
 """The most metrics that MLflow takes in one call."""
@@ -46,7 +46,7 @@ class MlflowLogger(Logger):
     def __init__(self, settings: MlflowConfig) -> None:
         self._uri = settings.tracking_uri or os.environ.get("MLFLOW_TRACKING_URI", "")
         self._experiment = settings.experiment
-        # Taken out of the environment: it names the MLflow run of one job, not those of many.
+        # Removed from the environment, because this variable names a single MLflow run.
         self._run = os.environ.pop("MLFLOW_RUN_ID", None)
         # MLflow's defaults are two minutes and seven retries.
         os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(math.ceil(settings.timeout_s)))
@@ -112,14 +112,14 @@ def _database(path: Path) -> str:
         str(path).encode()
     except UnicodeEncodeError as error:
         raise ValueError(f"{str(path)!a}: the name of a directory isn't UTF-8") from error
-    # SQLite reads the file's URI, so no letter of a name is taken for another part of the address.
-    # With the driver named, MLflow makes no directories of the quoted name.
+    # The file's URI quotes the path, so that no letter of a name is read as part of the address.
+    # MLflow would make directories with the quoted name if the address didn't name the driver.
     url = URL.create("sqlite+pysqlite", database=path.as_uri(), query={"uri": "true"})
     return url.render_as_string()
 
 
 def _experiment(client: MlflowClient, uri: str, name: str) -> str:
-    """Return the id of an experiment; make it if there is none of its name.
+    """Return the id of the experiment with this name; make the experiment if there is none.
 
     Args:
         client: the client of the database or the server.

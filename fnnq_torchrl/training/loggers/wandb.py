@@ -39,7 +39,7 @@ _MANY = 100
 """The number of wandb runs above which a line says how long logging them takes."""
 
 _PROJECT = "fnnq_torchrl"
-"""The project of a user who names none."""
+"""The project if the user names none."""
 
 _OF_ONE_RUN = {
     "WANDB_RUN_ID": "run_id",
@@ -54,7 +54,7 @@ A sweep agent of wandb sets them for the run that it starts.
 """
 
 _OLD_MODES = {"dryrun": "offline", "run": "online"}
-"""The names of modes that wandb still takes, and those that it now has for them."""
+"""The old names of modes that wandb still accepts, and their present names."""
 
 
 class WandbLogger(Logger):
@@ -70,7 +70,7 @@ class WandbLogger(Logger):
 
     def __init__(self, settings: WandbConfig) -> None:
         self._settings = settings
-        # Taken out of the environment: wandb would give them to all runs of this process.
+        # Removed from the environment, because wandb would use them for all runs of this process.
         found = {each: os.environ.pop(name, None) for name, each in _OF_ONE_RUN.items()}
         self._own = {each: value for each, value in found.items() if value}
         self._mode = _mode(settings.mode)

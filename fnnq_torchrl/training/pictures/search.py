@@ -33,7 +33,7 @@ def search_picture(study: Study, name: str, picture: Path) -> None:
     from matplotlib import pyplot
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Optuna's, of which none is about the file
+        warnings.simplefilter("ignore")  # Optuna's warnings, none of which is about the file
         axes = np.ravel(getattr(plots, f"plot_{name}")(study))
     figure = axes[0].figure
     try:
