@@ -307,6 +307,7 @@ def test_its_candidates_have_the_values_of_those_actions(there: Path) -> None:
     torch.testing.assert_close(alone, network(bearing)[..., 7:8])
 
 
+@pytest.mark.long  # tests/envs/test_own_world.py tries the same way with a world
 def test_a_value_function_of_ones_own_is_a_file_and_a_yaml(with_fourier: Path) -> None:
     train = ("-m", "fnnq_torchrl.train", "--config-dir", "my_conf", "value=fourier")
     overrides = ("engine=eager", "value.order=2", "situations=5", "hydra.run.dir=job")

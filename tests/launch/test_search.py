@@ -149,7 +149,11 @@ def test_optunas_figures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.parametrize(
     ("sampler", "storage"),
-    [("tpe", ""), ("tpe", "sqlite:///search.db"), ("cmaes", "sqlite:///search.db")],
+    [
+        ("tpe", "sqlite:///search.db"),
+        pytest.param("tpe", "", marks=pytest.mark.long),
+        pytest.param("cmaes", "sqlite:///search.db", marks=pytest.mark.long),
+    ],
 )
 def test_the_same_search_again_computes_what_is_missing(
     search: Callable[..., int],

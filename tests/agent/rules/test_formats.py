@@ -114,6 +114,7 @@ def test_what_is_exported_runs_in_torch(tmp_path: Path) -> None:
     torch.testing.assert_close(values, rules.evaluate(torch.cat([states, actions], -1)))
 
 
+@pytest.mark.long
 def test_an_actions_name_is_no_other_name_in_onnx(tmp_path: Path) -> None:
     """An ONNX graph gives a name only once, to an input or to an operation's result."""
     rules = paper()

@@ -45,6 +45,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_loggers_write_into_the_directory_and_nowhere_else(here: Path, database: Path) -> None:
     for name in NAMES:
         directory = here / name
@@ -61,6 +62,7 @@ def test_loggers_write_into_the_directory_and_nowhere_else(here: Path, database:
     assert {path.name for path in here.iterdir()} == {*NAMES}
 
 
+@pytest.mark.long
 def test_wandb_writes_into_the_directory(here: Path) -> None:
     for name in NAMES[:6]:
         job = write_job(here / name, "num_seeds=2", "logger=wandb", "logger.wandb.mode=offline")
