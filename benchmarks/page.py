@@ -11,8 +11,8 @@ _TEMPLATE = Template("""\
 `make bench` measures these figures and writes this page, but for "What was tried".
 Measured on $machine. $gpu
 
-All figures are medians of $repetitions repetitions, with the fastest and the slowest. The programs
-took turns, on a machine shared with other users.
+Except for worlds, all figures are medians of $repetitions repetitions, with the fastest and the
+slowest. The programs took turns, on a machine shared with other users.
 
 ## Learning
 
@@ -87,8 +87,8 @@ $by_hand
 _WORLDS = Template("""\
 ## Worlds
 
-`make bench-worlds` measures these figures and writes this section, on $machine;
-medians of $repetitions repetitions.
+`make bench-worlds` measures these figures and writes this section, on $machine.
+Repetitions: $repetitions; the figures are the medians.
 
 Thousands of world steps a second, with random actions and without learning. A world step moves the
 robot and the balls, reads all sensors and, in our worlds, starts the next situation where one has

@@ -59,13 +59,17 @@ def replay(given: dict[str, str]) -> Path:
 
     run, log = Path(given["run"]), Path(given["log"])
     checkpoint = load_checkpoint(run / "checkpoint.pt")
-    network = load_policy(run, int(checkpoint.seed[0]) if seed is None else seed).value_network
+    first = int(checkpoint.seed[0])
+    network = load_policy(run, first if seed is None else seed).value_network
     rows = read_log(log, network.in_keys)
     text = StringIO(newline="")
     write_actions(text, to_config(checkpoint.config), rows, greedy_actions(network, rows))
     to = Path(given["to"]) if given["to"] else log.with_name(f"{log.stem}-actions.csv")
     with atomic_write(to) as file:
         file.write(text.getvalue().encode())
+    if seed is None and len(checkpoint.seed) > 1:
+        # The rules command exports the best run, so a reader must know which run this is.
+        sys.stderr.write(f"the actions of seed {first}, the first run; seed=… chooses another\n")
     return to
 
 

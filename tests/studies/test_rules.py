@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from matplotlib import rc_context
 
 from fnnq_torchrl import RuleBase, load_rules, plot, rules
 from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.studies.rules import pictures
 from fnnq_torchrl.studies.rules.job import choose, read_job
 from fnnq_torchrl.studies.rules.page import BEGIN, END, write_faithfulness
 from fnnq_torchrl.studies.rules.reading import read_run
@@ -118,6 +120,28 @@ def test_sums_and_learned_labels(
         again = RuleBase.read(tmp_path / "q.json")
         assert again.inputs == load_rules(tmp_path, int(seed)).inputs
         assert "name one run" in str(run(rules, monkeypatch, f"run={tmp_path}", "seed=mean"))
+
+
+def test_an_episode_among_obstacles_has_a_path_and_room_for_long_premises(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = load_config(
+        "task=follow_obstacles",
+        "situations=5",
+        "evaluation.every=5",
+        "env.time_limit_steps=3",
+        "engine=eager",
+    )
+    run_job(config, tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert run(plot, monkeypatch, f"run={tmp_path}") == 0
+    job = read_job(tmp_path)
+    figure = pictures.episode(read_run(job, choose(job, "best")), 0)
+    path, strengths, _ = figure.get_axes()
+    assert [line.get_label() for line in path.lines][::2] == ["robot", "ball"]
+    assert len(path.patches) == 3  # the obstacles
+    assert strengths.get_position().width > 0.5  # the legend leaves it its width
 
 
 def test_printed(

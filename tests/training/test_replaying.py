@@ -45,6 +45,19 @@ def test_it_writes_the_policys_actions(
         assert float(row["bearing"]) == bearing
 
 
+def test_a_run_that_was_not_chosen_is_named(
+    job: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "drive.csv"
+    log.write_text("bearing\n0.1\n")
+    for words in ((), ("seed=0",)):
+        run(monkeypatch, f"log={log}", f"run={job}", *words)
+        told = capsys.readouterr().err
+        assert told == (
+            "" if words else "the actions of seed 0, the first run; seed=… chooses another\n"
+        )
+
+
 @pytest.mark.parametrize(
     ("text", "words", "line"),
     [

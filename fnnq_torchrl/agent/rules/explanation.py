@@ -61,7 +61,8 @@ class Explanation:
         strengths, added = self.firing[self.best].tolist(), self.contributions[self.best].tolist()
         rows = zip(self.premises, strengths, self.consequents.tolist(), added, strict=True)
         strong = [row for row in rows if row[1] >= least]
-        return sorted(strong, key=lambda row: -row[1])
+        # Equal strengths differ by rounding errors; then the larger contribution comes first.
+        return sorted(strong, key=lambda row: (-round(row[1], 6), -abs(row[3])))
 
     def __str__(self) -> str:
         seen = ", ".join(f"{name} = {value:g}" for name, value in self.observation.items())
@@ -77,7 +78,7 @@ class Explanation:
         ]
         lines += ["", f"  {self.action_name:>8} {'Q':>9}"]
         lines += [
-            f"  {action:>+8.3g} {value:>9.4f}{'  <' if i == self.best else ''}"
+            f"  {round(action, 6):>+8.3g} {value:>9.4f}{'  <' if i == self.best else ''}"
             for i, (action, value) in enumerate(zip(self.candidates.tolist(), values, strict=True))
         ]
         if isclose(best, second, abs_tol=1e-12):

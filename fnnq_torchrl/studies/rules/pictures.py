@@ -5,10 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from envs.pictures import Axes, Figure, own_style
+from envs.pictures import Axes, Circle, Figure, own_style
+from envs.robot.scene import SceneConfig
+from envs.robot.schemas import FollowBallConfig
 from fnnq_torchrl.agent.rules import Explanation, Variable
 from fnnq_torchrl.studies.rules.job import Chosen, Job
 from fnnq_torchrl.studies.rules.reading import HARDLY, Reading
@@ -192,7 +195,9 @@ def episode(reading: Reading, situation: int) -> Figure:
     for place, (colour, style) in zip(order, LINES, strict=False):
         strengths.plot(firing[:, place].numpy(), color=colour, linestyle=style, label=names[place])
     strengths.set_ylabel("firing strength")
-    strengths.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, 1.35), ncols=2)
+    # A premise of many inputs is as wide as the panel.
+    columns_of_legend = 2 if len(max(names, key=len)) < 50 else 1
+    right.legend(fontsize=6, loc="outside upper center", ncols=columns_of_legend)
     errors.plot(error.numpy(), color="black", linewidth=1)
     errors.set_ylabel("TD error")
     errors.set_xlabel("step")
@@ -210,25 +215,41 @@ def _td_error(reading: Reading, points: Tensor, after: TensorDictBase) -> Tensor
 
 
 def _path(axes: Axes, before: TensorDictBase, after: TensorDictBase, reading: Reading) -> None:
-    """Draw the paths of the robot and the ball; in a world without them, the observations."""
-    if not {"x_m", "y_m", "ball_angle_rad"} <= {*after.keys()}:
+    """Draw the paths of the robot and the balls; in a world without them, the observations."""
+    world = reading.job.config.env
+    if not isinstance(world, FollowBallConfig | SceneConfig):
         for name, (colour, style) in zip(reading.played.names, LINES, strict=False):
             axes.plot(before[name].squeeze(-1).numpy(), color=colour, linestyle=style, label=name)
         axes.legend(fontsize=7)
         axes.set_xlabel("step")
         return quiet_grid(axes)
-    radius_m, angle = reading.job.config.env.circle_radius_m, after["ball_angle_rad"].squeeze(-1)
-    ball = radius_m * torch.stack([angle.cos(), angle.sin()]).numpy()
     robot = torch.cat([after["x_m"], after["y_m"]], dim=-1).T.numpy()
     axes.plot(*robot, color=LINES[0][0], label="robot")
-    axes.plot(*ball, color=LINES[1][0], label="ball")
     axes.plot([0], [0], "o", color=LINES[0][0])
-    axes.plot(*ball[:, -1:], "o", color=LINES[1][0])
+    for number, ball in enumerate(_balls(after, world)):
+        # An underscore keeps the other balls out of the legend.
+        axes.plot(*ball, color=LINES[1][0], label="_ball" if number else "ball")
+        axes.plot(*ball[:, -1:], "o", color=LINES[1][0])
+    if "disc_x_m" in after.keys():  # noqa: SIM118, a TensorDict has no other test
+        discs = (after[f"disc_{key}"][0].tolist() for key in ("x_m", "y_m", "radius_m"))
+        for x_m, y_m, radius_m in zip(*discs, strict=True):
+            axes.add_patch(Circle((x_m, y_m), radius_m, color="0.65"))
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
     axes.legend(fontsize=7)
     return quiet_grid(axes)
+
+
+def _balls(
+    after: TensorDictBase, world: FollowBallConfig | SceneConfig
+) -> Iterator[NDArray[np.floating]]:
+    """Yield the path of each ball, x and y in m, ``[2, steps]``."""
+    if isinstance(world, FollowBallConfig):
+        angle = after["ball_angle_rad"].squeeze(-1)
+        yield world.circle_radius_m * torch.stack([angle.cos(), angle.sin()]).numpy()
+    elif world.ball_entries:
+        yield from torch.stack([after["ball_x_m"], after["ball_y_m"]]).movedim(-1, 0).numpy()
 
 
 def _never_fired(reading: Reading) -> Iterator[str]:

@@ -150,6 +150,12 @@ def test_an_explanation_adds_up() -> None:
     added = sum(added for *_, added in explanation.fired(least=0))
     assert added == pytest.approx(explanation.values.max().item())
     assert f"{added:.4g}" in str(explanation).splitlines()[0]
+    # Two labels are equally far from 0.3: the rule that adds more comes first, the same everywhere.
+    tied = [
+        row for row in explanation.fired(least=0.05) if row[1] == pytest.approx(0.103, abs=1e-3)
+    ]
+    assert len(tied) == 2
+    assert abs(tied[0][3]) > abs(tied[1][3])
     with pytest.raises(RulesError, match=r"^'baring': did you mean bearing\?$"):
         rules.explain({"baring": 0.3})
 
