@@ -444,6 +444,7 @@ def test_the_columns_of_the_runs(default):
     columns = Runs.of([replace(default, seed=3, num_seeds=4)]).columns
     assert tuple(columns) == PER_RUN
     assert columns.pop("seed").tolist() == [3, 4, 5, 6]
+    assert columns.pop("epsilon_final").tolist() == [default.epsilon] * 4  # it isn't set
     for key, column in columns.items():
         assert column.tolist() == [getattr(default, key)] * 4
 

@@ -34,6 +34,9 @@ EXPERIMENTS = {
     "simulator": 2 + 1 + 2,
     "variants": 2 * (3 * 3 + 3),
     "open_choices": 2 * 11,
+    "sutton_barto_12_6": 2 * 3 * 10 + 3 * 2 * 10,
+    "sutton_barto_12_10": 4 * 7,
+    "sutton_barto_12_11": 3 * 4 + 3,
 }
 
 

@@ -81,7 +81,7 @@ def test_one_wandb_run_for_each_of_22_runs_has_all_rows(tmp_path: Path) -> None:
         assert run.name == f"seed={seed + 7} lam=0.4"
         assert {key: run.config[key] for key in PER_RUN} == {
             key: getattr(job.config, key) for key in PER_RUN
-        } | {"seed": seed + 7}
+        } | {"seed": seed + 7, "epsilon_final": job.config.epsilon}
         assert run.config["env"] == JobResults(job).settings["env"]
         assert run.exit_code == 0
         assert [row["_step"] for row in run.history] == [row["situations"] for row in run.history]
