@@ -29,13 +29,13 @@ def main() -> None:
     from sensor_msgs.msg import Range
     from std_msgs.msg import Float32
 
-    from fnnq_torchrl import load_checkpoint, load_policy
+    from fnnq_torchrl import best_seed, load_checkpoint, load_policy
     from fnnq_torchrl.config.checking import to_config
     from fnnq_torchrl.training.replaying import greedy_actions
 
     checkpoint = load_checkpoint(f"{sys.argv[1]}/checkpoint.pt")
     world = to_config(checkpoint.config).env
-    network = load_policy(sys.argv[1], int(checkpoint.seed[0])).value_network
+    network = load_policy(sys.argv[1], best_seed(sys.argv[1])).value_network
     sonar, robot = world.sensors.sonar, world.robot
     ranges, bearing = [sonar.range_m[1]] * len(sonar.ring), [0.0]
     rclpy.init()

@@ -25,6 +25,7 @@ _HOMES = {
     "TilesValue": "agent.values",
     "ValueConfig": "config.values",
     "ValueNetwork": "agent.values",
+    "best_seed": "training.policies",
     "load_checkpoint": "training.weights",
     "load_config": "launch.composition",
     "load_policy": "training.policies",

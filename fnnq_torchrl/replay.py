@@ -4,7 +4,7 @@ Keys, each as key=value:
 
     log   a CSV file with a column for each observation that the controller uses, by its name
     run   the directory of a finished job
-    seed  the seed of one of the job's runs (default: the first run)
+    seed  the seed of one of the job's runs (default: the best run)
     to    the CSV to write, the log with the actions (default: LOG-actions.csv beside the log)
 """
 
@@ -53,23 +53,19 @@ def replay(given: dict[str, str]) -> Path:
 
     from fnnq_torchrl.config.checking import to_config
     from fnnq_torchrl.files.atomic import atomic_write
-    from fnnq_torchrl.training.policies import load_policy
+    from fnnq_torchrl.training.policies import best_seed, load_policy
     from fnnq_torchrl.training.replaying import greedy_actions, read_log, write_actions
     from fnnq_torchrl.training.weights import load_checkpoint
 
     run, log = Path(given["run"]), Path(given["log"])
     checkpoint = load_checkpoint(run / "checkpoint.pt")
-    first = int(checkpoint.seed[0])
-    network = load_policy(run, first if seed is None else seed).value_network
+    network = load_policy(run, best_seed(run) if seed is None else seed).value_network
     rows = read_log(log, network.in_keys)
     text = StringIO(newline="")
     write_actions(text, to_config(checkpoint.config), rows, greedy_actions(network, rows))
     to = Path(given["to"]) if given["to"] else log.with_name(f"{log.stem}-actions.csv")
     with atomic_write(to) as file:
         file.write(text.getvalue().encode())
-    if seed is None and len(checkpoint.seed) > 1:
-        # The rules command exports the best run, so a reader must know which run this is.
-        sys.stderr.write(f"the actions of seed {first}, the first run; seed=… chooses another\n")
     return to
 
 

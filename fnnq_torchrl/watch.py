@@ -5,7 +5,7 @@ Keys, each as key=value:
     run         the directory of a finished job
     to          the GIF to write (default: robot.gif in that directory); the stills have the
                 same name with the ending .png
-    seed        the seed of one run, or of several, as in 0,1,2 (default: the first run)
+    seed        the seed of one run, or of several, as in 0,1,2 (default: the best run)
     when        after, before or both: the test after learning, before it, or both (default: after)
     situations  the number of the test's situations to draw (default: 1)
     every       the number of steps from one frame to the next (default: 2)
@@ -68,6 +68,7 @@ def watch(given: dict[str, str]) -> list[Path]:
         raise ConfigError(f"when={given['when']}: must be {' or '.join(_WHEN)}")
     # Imported after the checks, because importing torch takes seconds.
     from fnnq_torchrl.config.checking import to_config
+    from fnnq_torchrl.training.policies import best_seed
     from fnnq_torchrl.training.watching import play, write_gif, write_strip
     from fnnq_torchrl.training.weights import load_checkpoint
 
@@ -77,7 +78,7 @@ def watch(given: dict[str, str]) -> list[Path]:
     most = config.evaluation.tests
     if situations > most:
         raise ConfigError(f"situations={situations}: must be at most {most}, the size of the test")
-    seeds = _seeds(given["seed"]) or [int(checkpoint.seed[0])]
+    seeds = _seeds(given["seed"]) or [best_seed(directory)]
     films, titles = [], []
     for learned in _WHEN[given["when"]]:
         played = play(config, checkpoint, seeds, situations, learned=learned)

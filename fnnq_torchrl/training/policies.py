@@ -7,6 +7,7 @@ from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.agent.rules import RuleBase, rule_bases
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.checking import to_config
+from fnnq_torchrl.training.results import best_run, read_evaluations
 from fnnq_torchrl.training.weights import load_checkpoint
 
 
@@ -64,6 +65,26 @@ def load_policy(
     network = make_value_network(config.value, make_candidates(config, dtype), runs)
     network.load_state_dict(network.state_dict() | weights)
     return EpsilonGreedyPolicy(network, epsilon=0.0).requires_grad_(False)
+
+
+def best_seed(run: str | Path) -> int:
+    """Return the seed of a finished job's run with the best final score.
+
+    The commands that show, play, replay or export a single run take this one by default.
+
+    Args:
+        run: the job's directory.
+
+    Raises:
+        OSError: if checkpoint.pt or evaluations.csv can't be read.
+        ValueError: if one of them is damaged. The message is one line.
+    """
+    checkpoint = load_checkpoint(Path(run) / "checkpoint.pt")
+    if len(checkpoint.seed) == 1:
+        return int(checkpoint.seed[0])
+    measure = to_config(checkpoint.config).env.tested.measure
+    evaluations = read_evaluations(Path(run) / "evaluations.csv", measure)
+    return int(evaluations.seed[best_run(evaluations)])
 
 
 def _span(seeds: list[int]) -> str:

@@ -152,6 +152,16 @@ def best_first(scores: Sequence[NDArray[Any]], measure: str) -> list[int]:
     return sorted(range(len(scores)), key=lambda place: sign * scores[place].mean())
 
 
+def best_run(evaluations: Evaluations) -> int:
+    """Return the index of the run with the best final score.
+
+    The mean score decides between runs with the same final score: a final score is a mean over a
+    few evaluations, so many runs may have the same.
+    """
+    scores = evaluations.final_score + 1e-6 * evaluations.mean_score
+    return best_first([scores[i : i + 1] for i in range(evaluations.runs)], evaluations.measure)[0]
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Outcome(Evaluations):
     """The evaluations of finished runs, and the wall times of their batch.

@@ -8,10 +8,12 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from fnnq_torchrl import load_policy
+from fnnq_torchrl import best_seed, load_policy
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.replay import main
+from fnnq_torchrl.studies.rules.job import choose, read_job
 from fnnq_torchrl.training.job import run_job
+from fnnq_torchrl.training.results import read_evaluations
 
 
 @pytest.fixture(scope="module")
@@ -45,17 +47,20 @@ def test_it_writes_the_policys_actions(
         assert float(row["bearing"]) == bearing
 
 
-def test_a_run_that_was_not_chosen_is_named(
-    job: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_the_best_run_drives_as_it_is_exported(
+    job: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = tmp_path / "drive.csv"
-    log.write_text("bearing\n0.1\n")
-    for words in ((), ("seed=0",)):
+    log.write_text("bearing\n0.1\n-0.3\n")
+    best = choose(read_job(job), "best").seed
+    scores = read_evaluations(job / "evaluations.csv").final_score
+    assert best_seed(job) == best
+    assert scores[best] == max(scores)
+    texts = []
+    for words in ((), (f"seed={best}",), (f"seed={1 - best}",)):
         run(monkeypatch, f"log={log}", f"run={job}", *words)
-        told = capsys.readouterr().err
-        assert told == (
-            "" if words else "the actions of seed 0, the first run; seed=… chooses another\n"
-        )
+        texts.append((tmp_path / "drive-actions.csv").read_text())
+    assert texts[0] == texts[1] != texts[2]
 
 
 @pytest.mark.parametrize(

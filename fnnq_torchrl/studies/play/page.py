@@ -17,7 +17,7 @@ from fnnq_torchrl.agent.rules.formats import WRITERS
 from fnnq_torchrl.agent.values import FNNQValue, make_value_network
 from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.studies.play.program import write_program
-from fnnq_torchrl.training.policies import load_policy, load_rules
+from fnnq_torchrl.training.policies import best_seed, load_policy, load_rules
 from fnnq_torchrl.training.weights import load_checkpoint
 
 _STARTS = 200
@@ -36,7 +36,7 @@ def make_page(run: Path, seed: int | None = None, *, own: bool = False) -> str:
 
     Args:
         run: the job's directory.
-        seed: the seed of the run; by default that of the job's first run.
+        seed: the seed of the run; by default that of the job's best run.
         own: whether to import the user's classes that the configuration names.
 
     Raises:
@@ -46,7 +46,7 @@ def make_page(run: Path, seed: int | None = None, *, own: bool = False) -> str:
         Unsupported: if the job's value function can't be written out in JavaScript.
     """
     checkpoint = load_checkpoint(run / "checkpoint.pt")
-    seed = int(checkpoint.seed[0]) if seed is None else seed
+    seed = best_seed(run) if seed is None else seed
     config = to_config(checkpoint.config, own=own)
     network = load_policy(run, seed, own=own).value_network
     world = config.env.tested

@@ -12,7 +12,7 @@ from fnnq_torchrl.agent.rules import RuleBase, RulesError, rule_bases
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.training.results import best_first, read_evaluations
+from fnnq_torchrl.training.results import best_run, read_evaluations
 from fnnq_torchrl.training.weights import load_checkpoint
 
 BEST, MEAN = "best", "mean"
@@ -159,15 +159,10 @@ def choose(job: Job, which: str) -> Chosen:
 
 
 def _best(job: Job) -> tuple[int, float]:
-    """Return the index and the final score of the run with the best final score.
-
-    The mean score decides between runs with the same final score.
-    """
+    """Return the index and the final score of the run with the best final score."""
     measure = job.config.env.tested.measure
     evaluations = read_evaluations(job.directory / "evaluations.csv", measure)
     if evaluations.seed.tolist() != job.seeds.tolist():
         raise RulesError(f"{job.directory}: evaluations.csv and checkpoint.pt have different runs")
-    # A final score is a mean over a few evaluations, so many runs may have the same best score.
-    sums = evaluations.final_score + 1e-6 * evaluations.mean_score
-    place = best_first([sums[i : i + 1] for i in range(evaluations.runs)], measure)[0]
+    place = best_run(evaluations)
     return place, float(evaluations.final_score[place])
