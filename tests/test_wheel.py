@@ -78,6 +78,7 @@ def needed(requirements: list[str]) -> Iterator[Distribution]:
                 names.append(str(further))
 
 
+@pytest.mark.long
 def test_trains_from_another_directory_with_its_declared_dependencies_alone(
     wheel: Path, tmp_path: Path
 ) -> None:

@@ -245,6 +245,7 @@ def test_compiled_is_eager(name: str) -> None:
     agrees_with_the_compiled(config(*IN_DOUBLE, *VARIANTS[name]))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("compiler")
 def test_a_compiled_value_function_of_ones_own_is_eager(there: Path) -> None:
     agrees_with_the_compiled(fourier_config(there, *IN_DOUBLE, *SMALL_WORLD, "value.order=3"))

@@ -215,6 +215,7 @@ def test_a_compiler_that_fails_is_told_in_one_line(
     assert len(str(refused.value).splitlines()) == 1
 
 
+@pytest.mark.long
 def test_what_cannot_be_written_out_goes_to_inductor(
     tiny: tuple[TensorDict, TensorDict], monkeypatch: pytest.MonkeyPatch
 ) -> None:

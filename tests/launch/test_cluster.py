@@ -17,6 +17,7 @@ from tests.programs import config
 TINY = ("env.time_limit_steps=4", "situations=5", "engine=eager")
 
 
+@pytest.mark.long
 def test_a_sweep_on_this_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     submitit = pytest.importorskip("submitit")
     (tmp_path / "1" / "evaluations.csv").mkdir(

@@ -30,6 +30,7 @@ SMALL = (
 )
 
 
+@pytest.mark.long
 def test_a_scene_compiles_and_has_the_same_history() -> None:
     config = load_config("task=follow_obstacles", *SMALL, "machine.dtype=float64")
     run = make_runs(config, 32)
