@@ -82,16 +82,14 @@ def main() -> None:
         page.focus("#after")
         page.keyboard.press("ArrowUp")
         seen["moved"] = page.evaluate("({ ...play.ball })")
-        seen["actions"] = [
-            page.evaluate("(play.step(play.learned.leaf), play.learned.of.action[0])")
-        ]
-        for column in range(4):  # steering hard to the right is now best everywhere
-            for row in range(5):
-                cell = page.locator("#grid tbody tr").nth(row).locator("input").nth(column)
-                cell.fill("1" if column == 3 else "0")
-        seen["actions"] += [
-            page.evaluate("(play.step(play.learned.leaf), play.learned.of.action[0])")
-        ]
+        seen["actions"] = []
+        for best in (0, 3):  # steering hard to the left is best everywhere, then hard to the right
+            for column in range(4):
+                for row in range(5):
+                    cell = page.locator("#grid tbody tr").nth(row).locator("input").nth(column)
+                    cell.fill("1" if column == best else "0")
+            acted = page.evaluate("(play.step(play.learned.leaf), play.learned.of.action[0])")
+            seen["actions"].append(acted)
         seen["files"] = {}
         for name in ("rules.txt", "rules.fll", "rules.c", "rules.h"):
             with page.expect_download() as waiting:
