@@ -6,9 +6,8 @@ import torch
 from torch import Tensor
 
 from envs.classic.schemas import AcrobotConfig
-from envs.core import streams
+from envs.classic.starts import draw_state
 from envs.core.pure import Entries, PureEnv
-from envs.core.streams import Stream
 
 _GRAVITY_MPS2 = 9.8
 _CENTRE_M = 0.5
@@ -35,11 +34,7 @@ class Acrobot(PureEnv):
     world: AcrobotConfig
 
     def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
-        words = streams.draw(seed, episode, torch.zeros_like(episode), Stream.START)
-        return {
-            key: self.world.start * (2 * streams.uniform(word, self.dtype) - 1)
-            for key, word in zip(self.seen, words, strict=True)
-        }
+        return draw_state(self.seen, self.world.start, seed, episode, self.dtype)
 
     def transition(self, state: Entries, action: Tensor) -> Entries:
         torque_nm = (action - 1) * self.world.torque_nm

@@ -4,9 +4,8 @@ import torch
 from torch import Tensor
 
 from envs.classic.schemas import CartPoleConfig
-from envs.core import streams
+from envs.classic.starts import draw_state
 from envs.core.pure import Entries, PureEnv
-from envs.core.streams import Stream
 
 
 class CartPole(PureEnv):
@@ -26,11 +25,7 @@ class CartPole(PureEnv):
     world: CartPoleConfig
 
     def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
-        words = streams.draw(seed, episode, torch.zeros_like(episode), Stream.START)
-        return {
-            key: self.world.start * (2 * streams.uniform(word, self.dtype) - 1)
-            for key, word in zip(self.seen, words, strict=True)
-        }
+        return draw_state(self.seen, self.world.start, seed, episode, self.dtype)
 
     def transition(self, state: Entries, action: Tensor) -> Entries:
         world, step_s = self.world, self.world.time_step_s

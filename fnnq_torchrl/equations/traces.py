@@ -217,7 +217,9 @@ class DutchTrace(Trace):
 
 
 class WindowTrace(Trace):
-    """The last steps only: the paper's «finite-time window, which stores only some previous steps».
+    """A trace that keeps the last steps only.
+
+    It is the paper's «finite-time window, which stores only some previous steps»:
 
         Δw = δΣ(γλ)ᵏfₖ + δ′f,   fₖ the gradient k steps ago, k from 1 to the window
 

@@ -14,7 +14,7 @@ import torch
 
 from .errors import Unsupported
 from .expressions import COMPARISONS, Expression
-from .statements import Language, Leaf, Statements, leaf_name
+from .statements import INFIX, Language, Leaf, Statements, leaf_name
 
 ARRAYS = {
     torch.float32: "Float32Array",
@@ -25,8 +25,6 @@ ARRAYS = {
 }
 """The classes of the leaves' arrays. A boolean is 0 or -1."""
 
-_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lshift": "<<", "rshift": ">>"}
-_INFIX |= {"bitwise_and": "&", "bitwise_or": "|", "bitwise_xor": "^"}
 _COMPARISONS = dict(zip(COMPARISONS, ("===", "!==", "<", "<=", ">", ">="), strict=True))
 _FUNCTIONS = {name: f"Math.{name}" for name in ("abs", "ceil", "floor", "sqrt", "trunc")}
 _FUNCTIONS |= {name: f"Math.{name}" for name in ("acos", "asin", "atan", "atan2", "cos", "cosh")}
@@ -109,9 +107,9 @@ class JavaScript(Language):
             return _rounded(dtype, f"{'-' if op == 'neg' else '~'}{operands[0]}")
         if op == "mul" and dtype is torch.int32:
             return f"Math.imul({', '.join(operands)})"
-        if op in _INFIX:
+        if op in INFIX:
             one, other = operands
-            return _rounded(dtype, f"{one} {_INFIX[op]} {other}")
+            return _rounded(dtype, f"{one} {INFIX[op]} {other}")
         if op == "fmod":
             return _rounded(dtype, " % ".join(operands))
         if op in _FUNCTIONS and dtype.is_floating_point:

@@ -9,7 +9,7 @@ import torch
 from .errors import Unsupported
 from .expressions import COMPARISONS, Expression
 from .prelude import PRELUDE, RUN, VECTORISED
-from .statements import Language, Leaf, Statements, leaf_name
+from .statements import INFIX, Language, Leaf, Statements, leaf_name
 
 _TYPES = {
     torch.float32: "f32",
@@ -25,8 +25,6 @@ _NUMBERS = {
     torch.int64: "int64_t",
     torch.bool: "uint8_t",
 }
-_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lshift": "<<", "rshift": ">>"}
-_INFIX |= {"bitwise_and": "&", "bitwise_or": "|", "bitwise_xor": "^"}
 _COMPARISONS = dict(zip(COMPARISONS, ("==", "!=", "<", "<=", ">", ">="), strict=True))
 _PREFIX = {"neg": "-", "bitwise_not": "~", "copy": ""}
 _CALLS = ("where", "maximum", "minimum")
@@ -132,8 +130,8 @@ class Cpp(Language):
         return f"anywhere({mask})"
 
     def formula(self, op: str, value: Expression, operands: Sequence[str]) -> str:
-        if op in _INFIX:
-            return f" {_INFIX[op]} ".join(operands)
+        if op in INFIX:
+            return f" {INFIX[op]} ".join(operands)
         if op in _COMPARISONS:
             return f"cast<mask>({f' {_COMPARISONS[op]} '.join(operands)})"
         if op in _PREFIX:

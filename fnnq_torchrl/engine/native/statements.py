@@ -22,6 +22,11 @@ _REGISTERS = 8
 """The largest number of sums in one loop: half of a processor's vector registers."""
 
 
+INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lshift": "<<", "rshift": ">>"}
+INFIX |= {"bitwise_and": "&", "bitwise_or": "|", "bitwise_xor": "^"}
+"""The operators of two operands, which C++ and JavaScript write alike."""
+
+
 @dataclass(frozen=True)
 class Leaf:
     """One tensor of the program's input, and its new values after a step."""

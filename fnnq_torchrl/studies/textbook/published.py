@@ -56,7 +56,7 @@ class Comparison(NamedTuple):
 
     @property
     def agrees(self) -> bool:
-        """Whether the difference is at most twice its error."""
+        """True if the difference is at most twice its error."""
         return abs(self.difference) <= 2 * self.error
 
 
