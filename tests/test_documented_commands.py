@@ -99,6 +99,9 @@ def test_a_training_can_be_started(
     status = fnnq_train(*arguments)
     told = capsys.readouterr().err
     if "there is no such file" in told or "No module named" in told:  # a file of the reader's
+        own = [word.partition("=")[2].partition(":")[0] for word in arguments]
+        assert any(name and name in told for name in own), told
+        assert status == 2
         return
     if status == 2:
         assert told == f"{command.output}\n"

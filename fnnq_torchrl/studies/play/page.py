@@ -17,7 +17,7 @@ from fnnq_torchrl.agent.rules.formats import WRITERS
 from fnnq_torchrl.agent.values import FNNQValue, make_value_network
 from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.studies.play.program import write_program
-from fnnq_torchrl.training.policies import best_seed, load_policy, load_rules
+from fnnq_torchrl.training.policies import best_seed, load_policy
 from fnnq_torchrl.training.weights import load_checkpoint
 
 _STARTS = 200
@@ -68,7 +68,7 @@ def make_page(run: Path, seed: int | None = None, *, own: bool = False) -> str:
         "starts": _starts(world, seed, network.candidates.dtype),
     }
     if type(network) is FNNQValue:
-        rules = load_rules(run, seed, own=own)
+        rules = RuleBase.from_network(network, config.value, config.env, run=0)
         data |= {"rules": _rules(rules), "files": _files(rules)}
     title = f"{run.absolute().name}, seed {seed}"
     text = _part("play.html")
