@@ -11,26 +11,18 @@ Keys, each as key=value:
 import sys
 from pathlib import Path
 
-from fnnq_torchrl.config.schema import ConfigError
-from fnnq_torchrl.launch.interrupted import leave_interrupted
-from fnnq_torchrl.launch.streams import lasting_streams, one_line
+from fnnq_torchrl.launch.arguments import one_line_errors
 from fnnq_torchrl.launch.words import parse, whole
 
 
-@lasting_streams()
 def main() -> None:
-    """Run the command; report an error as one line on stderr and exit with status 2."""
+    """Run the command; an error is one line on stderr and an exit status other than 0."""
     if {"-h", "--help"} & {*sys.argv[1:]}:
         sys.stdout.write(__doc__ or "")
         return
     defaults = {"log": "", "run": "", "seed": "", "to": ""}
-    try:
+    with one_line_errors():
         sys.stdout.write(f"{replay(defaults | parse(sys.argv[1:], defaults, ['log', 'run']))}\n")
-    except (ConfigError, OSError, ValueError) as error:
-        sys.stderr.write(f"{one_line(error)}\n")
-        sys.exit(2)
-    except KeyboardInterrupt:
-        leave_interrupted()
 
 
 def replay(given: dict[str, str]) -> Path:

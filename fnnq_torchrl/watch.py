@@ -16,8 +16,7 @@ import sys
 from pathlib import Path
 
 from fnnq_torchrl.config.schema import ConfigError
-from fnnq_torchrl.launch.interrupted import leave_interrupted
-from fnnq_torchrl.launch.streams import lasting_streams, one_line
+from fnnq_torchrl.launch.arguments import one_line_errors
 from fnnq_torchrl.launch.words import parse, whole
 
 _DEFAULTS = {
@@ -32,20 +31,14 @@ _DEFAULTS = {
 _WHEN = {"after": [True], "before": [False], "both": [False, True]}
 
 
-@lasting_streams()
 def main() -> None:
-    """Run the command; report an error as one line on stderr and exit with status 2."""
+    """Run the command; an error is one line on stderr and an exit status other than 0."""
     if {"-h", "--help"} & {*sys.argv[1:]}:
         sys.stdout.write(__doc__ or "")
         return
-    try:
+    with one_line_errors():
         for path in watch(_DEFAULTS | parse(sys.argv[1:], _DEFAULTS, ["run"])):
             sys.stdout.write(f"{path}\n")
-    except (ConfigError, OSError, ValueError, TypeError) as error:
-        sys.stderr.write(f"{one_line(error)}\n")
-        sys.exit(2)
-    except KeyboardInterrupt:
-        leave_interrupted()
 
 
 def watch(given: dict[str, str]) -> list[Path]:
@@ -58,9 +51,8 @@ def watch(given: dict[str, str]) -> list[Path]:
         The paths of the GIF and of the stills.
 
     Raises:
-        ConfigError: if a value isn't allowed.
+        ConfigError: if a value isn't allowed, or the job's world has no picture.
         OSError: if a file can't be read or written.
-        TypeError: if the job's world isn't one of the robot's worlds.
         ValueError: if the job's checkpoint is damaged.
     """
     situations, every, size_px = (whole(given, key) for key in ("situations", "every", "size"))

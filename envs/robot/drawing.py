@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
+from envs.core.parameters import ConfigError
 from envs.core.pure import PureEnv
 from envs.pictures import (
     Axes,
@@ -89,7 +90,7 @@ def shot_of(env: PureEnv, state: TensorDictBase, run: int = 0) -> Shot:
         run: the run's index in the flattened batch.
 
     Raises:
-        TypeError: if ``env`` isn't one of the robot's worlds.
+        ConfigError: if ``env`` isn't one of the robot's worlds.
     """
     one = state.reshape(-1)[run : run + 1]
     if isinstance(env, FollowBall):
@@ -97,7 +98,7 @@ def shot_of(env: PureEnv, state: TensorDictBase, run: int = 0) -> Shot:
     elif isinstance(env, Arena):
         shot = _of_arena(env, one)
     else:
-        raise TypeError(f"{type(env).__name__} isn't a world of the robot: it has no picture")
+        raise ConfigError(f"{type(env).__name__} isn't a world of the robot: it has no picture")
     return replace(
         shot,
         step=int(one["step"]),

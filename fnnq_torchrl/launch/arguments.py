@@ -45,16 +45,22 @@ def page_parser(program: str, description: str | None) -> OneLineParser:
     return parser
 
 
+_WRONG_NAMES = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
+
+
 @contextmanager
 def one_line_errors() -> Iterator[None]:
-    """End a command that reads result files with one line and status 1, if the block fails.
+    """End a command with one line on stderr and an exit status, if the block fails.
 
-    After Ctrl-C, the status is 130.
+    The status is 2 if the user can mend the command: a wrong value, a file that doesn't exist or is
+    damaged. It is 1 if the machine failed, for instance if a disk is full, and 130 after Ctrl-C.
     """
     with lasting_streams():
         try:
             yield
         except (OSError, ValueError) as error:
-            sys.exit(one_line(error))
+            mistake = isinstance(error, (ValueError, *_WRONG_NAMES))
+            sys.stderr.write(f"{one_line(error)}\n")
+            sys.exit(2 if mistake else 1)
         except KeyboardInterrupt:
             leave_interrupted()

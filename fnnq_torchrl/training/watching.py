@@ -46,7 +46,7 @@ def play(
     Raises:
         ConfigError: if there is no run with one of the seeds; or as in :func:`.read_start`, for
             the test before learning.
-        TypeError: if the job's world isn't one of the robot's worlds.
+        ConfigError: if the job's world isn't one of the robot's worlds.
     """
     known = checkpoint.seed.tolist()
     if missing := [seed for seed in seeds if seed not in known]:

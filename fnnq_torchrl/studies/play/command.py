@@ -17,26 +17,19 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 from fnnq_torchrl.config.schema import ConfigError
-from fnnq_torchrl.launch.interrupted import leave_interrupted
-from fnnq_torchrl.launch.streams import lasting_streams, one_line
+from fnnq_torchrl.launch.arguments import one_line_errors
 from fnnq_torchrl.launch.words import parse, whole
 
 _DEFAULTS = {"run": "", "seed": "", "to": "", "port": "0", "own": "false"}
 
 
-@lasting_streams()
 def main() -> None:
-    """Run the command; report an error as one line on stderr and exit with status 2."""
+    """Run the command; an error is one line on stderr and an exit status other than 0."""
     if {"-h", "--help"} & {*sys.argv[1:]}:
         sys.stdout.write(__doc__ or "")
         return
-    try:
+    with one_line_errors():
         _run(_DEFAULTS | parse(sys.argv[1:], _DEFAULTS, ["run"]))
-    except (ConfigError, OSError, ValueError) as error:
-        sys.stderr.write(f"{one_line(error)}\n")
-        sys.exit(2)
-    except KeyboardInterrupt:
-        leave_interrupted()
 
 
 def _run(given: dict[str, str]) -> None:
