@@ -8,6 +8,7 @@ Fields have no defaults, because only the YAML files hold defaults::
 """
 
 import difflib
+import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
@@ -36,7 +37,10 @@ class OutOfRange(ConfigError):
         self.key, self.value, self.allowed = key, value, allowed
 
     def __str__(self) -> str:
-        return f"{self.key}={self.value}: must be {self.allowed}"
+        # YAML and the command line write null, true and false in small letters.
+        constant = self.value is None or isinstance(self.value, bool)
+        value = json.dumps(self.value) if constant else self.value
+        return f"{self.key}={value}: must be {self.allowed}"
 
 
 class Parameters:

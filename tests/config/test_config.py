@@ -253,11 +253,11 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             "value.inputs=null",
-            "value.inputs=None: must be labels, or null if value.membership is even or clustered",
+            "value.inputs=null: must be labels, or null if value.membership is even or clustered",
         ),
         (
             ["value.learn_memberships=true", "value.action=[{bell: [0, 1, 2]}]"],
-            "value.learn_memberships=True: must be false, unless all labels are Gaussian "
+            "value.learn_memberships=true: must be false, unless all labels are Gaussian "
             "[centre, width]",
         ),
         (
@@ -290,7 +290,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         ("lam=", "lam=: must be a number in [0, 1]"),
         ("lam=null", "lam=null: must be a number in [0, 1]"),
-        ("lam=true", "lam=True: must be a number in [0, 1]"),
+        ("lam=true", "lam=true: must be a number in [0, 1]"),
         ("alpha=-1", "alpha=-1.0: must be a number in [0, inf)"),
         ("seed=-1", "seed=-1: must be a whole number >= 0"),
         ("evaluation.every=0", "evaluation.every=0: must be a whole number >= 1, or null"),
@@ -305,7 +305,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ("action.candidates=1", "action.candidates=1: must be a whole number >= 2, or null"),
         (
             "action=all",
-            "action.candidates=None: must be a number: follow_ball has a range of actions",
+            "action.candidates=null: must be a number: follow_ball has a range of actions",
         ),
         ("machine.device=tpu", "machine.device=tpu: must be cpu, cuda or cuda:N"),
         ("~lam", "lam=???: must be a number in [0, 1]"),
