@@ -18,7 +18,7 @@ BROWSER := tests/browser/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator textbook test test-long foreign browser fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator textbook test test-long foreign browser docs fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
@@ -83,6 +83,9 @@ foreign: install $(FOREIGN)/installed  ## what other programs make of our files 
 browser: install $(BROWSER)/installed  ## the page of fnnq_torchrl.play in Chromium, which must be installed
 	$(BIN)/python -m pytest -q -m browser tests/browser
 
+docs: install $(VENV)/docs  ## the site of the documentation, into docs/_site
+	$(BIN)/python -m sphinx -q -E -W --keep-going docs docs/_site
+
 fuzz: install  ## thousands of random overrides, of which the test suite tries a few
 	$(BIN)/python -m pytest -q tests/launch/test_bad_input.py -k overrides --hypothesis-profile long
 
@@ -139,16 +142,20 @@ format: install  ## rewrite the code as ruff would have it
 	$(BIN)/ruff format
 
 clean:  ## remove .venv and the environments of benchmarks, foreign readers and the browser, dist and caches, never outputs/
-	rm -rf $(VENV) $(JAX) $(VMAS) $(IRSIM) $(SB3) $(FOREIGN) $(BROWSER) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) docs/_site $(JAX) $(VMAS) $(IRSIM) $(SB3) $(FOREIGN) $(BROWSER) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 # The pins hold for build backends too; from pip 25.3 on these have their own variable.
-$(STAMP) $(SB3)/installed: export PIP_CONSTRAINT := constraints.txt
-$(STAMP) $(SB3)/installed: export PIP_BUILD_CONSTRAINT := constraints.txt
+$(STAMP) $(VENV)/docs $(SB3)/installed: export PIP_CONSTRAINT := constraints.txt
+$(STAMP) $(VENV)/docs $(SB3)/installed: export PIP_BUILD_CONSTRAINT := constraints.txt
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed and $(PYTHON) is %d.%d: make PYTHON=/path/to/python3.11" % sys.version_info[:2])'
 	@echo "Installing into $(VENV): some minutes the first time, torch is large"
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install -qq -e '.[dev]'
+	@touch $@
+
+$(VENV)/docs: docs/requirements.txt $(STAMP)
+	@$(BIN)/python -m pip install -qq -r $<
 	@touch $@
 
 $(JAX)/installed $(VMAS)/installed $(IRSIM)/installed: benchmarks/.%/installed: benchmarks/%-requirements.txt

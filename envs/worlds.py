@@ -33,7 +33,7 @@ def make_world(config: WorldConfig, *args: Any, **settings: Any) -> PureEnv:
 
     Args:
         config: the configuration of one of `WORLDS` or of a user's world (``module:Class``).
-        *args, **settings: further arguments of :class:`envs.core.pure.PureEnv`.
+        args, settings: further arguments of :class:`envs.core.pure.PureEnv`.
 
     Raises:
         ConfigError: if the user's class can't be imported or isn't a `PureEnv`.

@@ -26,6 +26,15 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert not anchor or anchor in anchors(target), link
 
 
+@pytest.mark.parametrize("page", ["quickstart.md", "python.md"])
+def test_programs_run(page: str) -> None:
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    programs = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert programs
+    for program in programs:
+        exec(program, {})  # noqa: S102  # our own page
+
+
 def test_each_line_on_security_has_its_test() -> None:
     text = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
     table = [line for line in text.splitlines() if line.startswith("| ")][2:]
