@@ -29,6 +29,7 @@ _HOMES = {
     "load_checkpoint": "training.weights",
     "load_config": "launch.composition",
     "load_policy": "training.policies",
+    "load_results": "studies.results.frame",
     "load_rules": "training.policies",
     "load_snapshots": "training.weights",
     "make_candidates": "agent.candidates",

@@ -38,6 +38,7 @@ ONLY_IN = {
     "optuna": ["fnnq_torchrl.launch.search", "fnnq_torchrl.training.pictures.search"],
     "sqlalchemy": ["fnnq_torchrl.training.loggers.mlflow"],
     "sklearn": ["fnnq_torchrl.training.memberships"],
+    "pandas": ["fnnq_torchrl.studies.results.frame"],
     "PIL": ["fnnq_torchrl.training.loggers.tensorboard", "fnnq_torchrl.training.watching"],
     "wandb": ["fnnq_torchrl.training.loggers"],
 }
@@ -45,7 +46,7 @@ ONLY_IN = {
 # Libraries of an extra, imported only if the user asks for them.
 OPTIONAL = {
     *("PIL", "gymnasium", "mlflow", "optuna", "sklearn", "sqlalchemy", "submitit"),
-    *("tensorboard", "wandb"),
+    *("pandas", "tensorboard", "wandb"),
 }
 
 PACKAGES = ("envs", "fnnq_torchrl", "hydra_plugins")

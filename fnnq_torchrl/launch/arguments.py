@@ -28,13 +28,38 @@ def read_words(program: str, description: str | None, keys: Iterable[str]) -> di
         description: for ``--help``.
         keys: the keys that there are, as in :func:`.parse`.
     """
-    form = RawDescriptionHelpFormatter
-    parser = OneLineParser(program, description=description, formatter_class=form)
-    parser.add_argument("words", nargs="*", metavar="key=value")
+    parser = _words_parser(program, description, "key=value")
     try:
         return parse(parser.parse_args().words, keys)
     except ConfigError as error:
         parser.error(str(error))
+
+
+def read_places(
+    program: str, description: str | None, keys: Iterable[str]
+) -> tuple[list[Path], dict[str, str]]:
+    """Read a command line of directories and words ``key=value``, as :func:`read_words` does.
+
+    A word without ``=`` is a directory, and so is a word that names one.
+
+    Returns:
+        The directories, by default ``outputs``, and the value of each key.
+    """
+    parser = _words_parser(program, description, "DIR or key=value")
+    words = parser.parse_args().words
+    places = [word for word in words if "=" not in word or Path(word).is_dir()]
+    try:
+        values = parse([word for word in words if word not in places], keys)
+    except ConfigError as error:
+        parser.error(str(error))
+    return [*map(Path, places or ["outputs"])], values
+
+
+def _words_parser(program: str, description: str | None, metavar: str) -> OneLineParser:
+    form = RawDescriptionHelpFormatter
+    parser = OneLineParser(program, description=description, formatter_class=form)
+    parser.add_argument("words", nargs="*", metavar=metavar)
+    return parser
 
 
 def page_parser(program: str, description: str | None) -> OneLineParser:

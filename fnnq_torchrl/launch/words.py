@@ -45,3 +45,25 @@ def whole(given: Mapping[str, str], key: str, low: int = 1) -> int:
     if not (given[key].isdecimal() and int(given[key]) >= low):
         raise ConfigError(f"{key}={given[key]}: must be a whole number >= {low}")
     return int(given[key])
+
+
+def truth(key: str, value: str) -> bool:
+    """Return the value of a key, ``true`` or ``false``, as a bool.
+
+    Raises:
+        ConfigError: it has another value.
+    """
+    return one_of(key, value, ("true", "false")) == "true"
+
+
+def one_of(key: str, value: str, known: Sequence[str]) -> str:
+    """Return the value of a key, which must be one of the known.
+
+    Raises:
+        ConfigError: it has another value.
+    """
+    if value not in known:
+        near = difflib.get_close_matches(value, known, n=1)
+        advice = f"; did you mean {near[0]}?" if near else ""
+        raise ConfigError(f"{key}={value}: must be {' or '.join(known)}{advice}")
+    return value

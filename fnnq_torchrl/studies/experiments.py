@@ -135,7 +135,7 @@ def read_experiment(directory: Path, name: str) -> Experiment:
         raise NoResults(f"{directory} has no jobs")
     if unfinished := [path.name for path in jobs if not _finished(path)]:
         raise NoResults(f"{directory}: job {unfinished[0]} hasn't finished")
-    return Experiment(name, [_read_job(path) for path in jobs])
+    return Experiment(name, [read_job(path) for path in jobs])
 
 
 def newest_experiment(root: Path, name: str) -> Experiment:
@@ -170,13 +170,23 @@ def _finished(job: Path) -> bool:
     return (job / "summary.json").is_file()
 
 
-def _read_job(directory: Path) -> Job:
+def read_job(directory: Path, *, own: bool = False) -> Job:
+    """Return a finished job.
+
+    Args:
+        directory: the job's directory.
+        own: True to import the user's own classes that the configuration names.
+
+    Raises:
+        OSError: if a file can't be read.
+        ValueError: if a file is damaged, or the configuration isn't valid; the message is one line.
+    """
     path = directory / ".hydra" / "config.yaml"
     plain = parse_settings(path.read_bytes())
     if plain is None:
         raise ValueError(f"{path} is not a configuration")
     try:
-        config = to_config(plain, own=False)
+        config = to_config(plain, own=own)
     except (ConfigError, OmegaConfBaseException) as error:
         raise ValueError(f"{path}: {str(error).splitlines()[0]}") from error
     settings = asdict(config)

@@ -132,6 +132,17 @@ class Evaluations:
         }
         return replace(self, **arrays)
 
+    @classmethod
+    def joined(cls, several: "Sequence[Evaluations]") -> "Evaluations":
+        """Return the runs of several evaluations after the same situations, one after the other."""
+        first, *others = several
+        arrays: dict[str, Any] = {
+            item.name: np.concatenate([getattr(each, item.name) for each in several])
+            for item in _COLUMNS.values()
+            if _RUN in item.metadata["axes"]
+        }
+        return replace(first, **arrays) if others else first
+
 
 _COLUMNS = {
     item.metadata["name"] or item.name: item for item in fields(Evaluations) if item.metadata

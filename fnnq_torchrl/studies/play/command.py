@@ -16,9 +16,8 @@ from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
-from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.arguments import one_line_errors
-from fnnq_torchrl.launch.words import parse, whole
+from fnnq_torchrl.launch.words import parse, truth, whole
 
 _DEFAULTS = {"run": "", "seed": "", "to": "", "port": "0", "own": "false"}
 
@@ -35,13 +34,12 @@ def main() -> None:
 def _run(given: dict[str, str]) -> None:
     port = whole(given, "port", low=0)
     seed = whole(given, "seed", low=0) if given["seed"] else None
-    if given["own"] not in ("true", "false"):
-        raise ConfigError(f"own={given['own']}: must be true or false")
+    own = truth("own", given["own"])
     # Imported after the checks, because importing torch takes seconds.
     from fnnq_torchrl.files.atomic import atomic_write
     from fnnq_torchrl.studies.play.page import make_page
 
-    page = make_page(Path(given["run"]), seed, own=given["own"] == "true").encode()
+    page = make_page(Path(given["run"]), seed, own=own).encode()
     if given["to"]:
         with atomic_write(Path(given["to"])) as file:
             file.write(page)

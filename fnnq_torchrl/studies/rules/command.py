@@ -15,6 +15,7 @@ from pathlib import Path
 from fnnq_torchrl.agent.rules import RulesError, explain
 from fnnq_torchrl.agent.rules.errors import choices, shown
 from fnnq_torchrl.launch.arguments import one_line_errors, read_words
+from fnnq_torchrl.launch.words import truth
 from fnnq_torchrl.studies.rules.job import BEST, Chosen, Job, choose, read_job
 from fnnq_torchrl.studies.rules.page import write_faithfulness
 from fnnq_torchrl.studies.rules.pictures import draw_explanation
@@ -102,13 +103,6 @@ def chosen_run(words: dict[str, str]) -> tuple[Job, Chosen]:
     own = truth("own", words.get("own", "false"))
     job = read_job(Path(words["run"]), own=own)
     return job, choose(job, words.get("seed", BEST))
-
-
-def truth(key: str, value: str) -> bool:
-    """Return the value of a key, ``true`` or ``false``, as a bool."""
-    if value not in ("true", "false"):
-        raise RulesError(f"{key}={shown(value)}: must be true or false")
-    return value == "true"
 
 
 def _number(key: str, value: str) -> float:

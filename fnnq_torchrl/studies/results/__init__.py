@@ -1,0 +1,1 @@
+"""The results of any jobs, as a table and as a pandas frame."""
