@@ -55,6 +55,7 @@ def make_learner(
         exploration=config.exploration,
         evaluate_every=config.evaluation.every,
         largest_value=config.largest_value,
+        scale_rewards=config.scale_rewards,
     )
 
 

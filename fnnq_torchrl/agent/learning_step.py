@@ -16,6 +16,7 @@ from fnnq_torchrl.agent.policy import ExploringPolicy, make_policy
 from fnnq_torchrl.agent.update import Update, Weights
 from fnnq_torchrl.agent.values import ValueNetwork
 from fnnq_torchrl.equations.layout import over_batch, per_run, runs_first, runs_last
+from fnnq_torchrl.equations.normalisation import Moments, RewardScale
 from fnnq_torchrl.equations.q_lambda import Rule
 from fnnq_torchrl.equations.step_size import Direction, StepSize, decayed
 
@@ -34,21 +35,40 @@ class _Agent(nn.Module):
         super().__init__()
         self.env, self.policy, self.loss = env, policy, loss
 
-    def forward(self, world: TensorDictBase, chosen: Tensor | None = None) -> _Experience:
+    def forward(
+        self,
+        world: TensorDictBase,
+        chosen: Tensor | None = None,
+        reward_scale: TensorDictBase | None = None,
+    ) -> _Experience:
         """Take a step of the world and return the step with its errors.
 
         Args:
             world: the state before the step, a TensorDict that is changed in place.
             chosen: the action that was chosen before the last update, ``[runs, 1]``, ignored in the
                 first step of an episode. None: the policy chooses the action now.
+            reward_scale: the state of the reward's scale, if it has one. In ``"next"`` there are
+                then the next state of it and ``scaled_reward``.
         """
         with torch.no_grad():
             acting = self.policy(world)
             if chosen is not None:
                 acting["action"] = torch.where(world["step"] == 0, acting["action"], chosen)
             transition = self.env.step(acting)
-            transition["next"].update(self._ahead(transition["next"]))
+            after = transition["next"]
+            after.update(self.loss.value_network.observed(after))
+            if reward_scale is not None:
+                after.update(self._scaled(after, reward_scale))
+            after.update(self._ahead(after))
         return _Experience(transition, self.loss.errors(transition))
+
+    def _scaled(self, after: TensorDictBase, before: TensorDictBase) -> dict[str, Any]:
+        """Return the next state of the reward's scale, and the scaled reward."""
+        reward, moments = after["reward"], Moments(*(before[key] for key in Moments._fields))
+        scale = RewardScale(before["trace"], moments)
+        scale = scale.with_reward(reward, self.loss.gamma, after["done"])
+        kept = {"trace": scale.trace} | scale.moments._asdict()
+        return {"reward_scale": kept, "scaled_reward": scale.scaled(reward)}
 
     def _ahead(self, after: TensorDictBase) -> dict[str, Tensor]:
         """Return the entries of the next state that the loss needs to bootstrap, if any.
@@ -76,8 +96,11 @@ class Learner:
       under its own name, such as ``epsilon``, and ``situations``, the number of situations to learn
       from. If ε is annealed, there are ``epsilon_final`` and ``epsilon_over``, too.
     * ``state`` is replaced by every step. Its entries are ``world``, the environment's state;
-      ``weights`` and ``trace``, by the names of the network's parameters; ``action``, the next
+      ``weights`` and ``trace``, by the names of the network's parameters; among the ``weights``
+      there are also the network's ``statistics``, which have no trace; ``action``, the next
       action, if the variant chooses it before the update; ``alpha``, the current step size;
+      ``reward_scale``, if rewards are scaled
+      (:class:`fnnq_torchrl.equations.normalisation.RewardScale`);
       ``situations`` and ``steps``, the numbers of situations and steps learned from so far;
       ``diverged``, whether |Q| has become too large, after which the run counts no more steps;
       ``over``, whether the run has ended; and ``snapshot``, the weights and counts at the time when
@@ -100,6 +123,7 @@ class Learner:
         count_firing: add up ``fired``; for a network whose parameter ``weight`` holds the rules'
             consequents.
         count_earned: add up ``earned``, for learning without tests.
+        scale_rewards: learn from scaled rewards; ``earned`` has the world's.
 
     Raises:
         ValueError: if there is no such policy.
@@ -118,11 +142,15 @@ class Learner:
         learns: Mapping[str, Tensor] | None = None,
         count_firing: bool = False,
         count_earned: bool = False,
+        scale_rewards: bool = False,
     ) -> None:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # `step` sets the amount
         bootstrap = rule.variant.bootstrap
         self.loss = PengQLambdaLoss(value_network, gamma=1.0, bootstrap=bootstrap)  # `step` sets γ
+        self._scales = scale_rewards
+        if scale_rewards:
+            self.loss.set_keys(reward="scaled_reward")
         self.step_size = step_size
         self.evaluate_every = evaluate_every
         self._agent = _Agent(env, self.policy, self.loss)
@@ -135,19 +163,26 @@ class Learner:
     def begin(self, run: TensorDictBase) -> TensorDict:
         """Return the state before the first step: the network's start weights and a zero trace."""
         runs = run.batch_size
-        start = self.loss.value_network.start(run["seed"])
+        network = self.loss.value_network
+        start = network.start(run["seed"])
         weights = {name: _copy(weight) for name, weight in start.items()}
         zero = torch.zeros_like(run["seed"])  # cloned, because entries must not share memory
         batch = {"batch_size": runs, "device": run.device}
         counted = {"fired": torch.zeros_like(weights["weight"])} if self._count_firing else {}
         if self._chooses_ahead:
             counted["action"] = torch.zeros_like(run["alpha"])
+        if self._scales:
+            none = {key: torch.zeros_like(run["alpha"]) for key in ("trace", *Moments._fields)}
+            counted["reward_scale"] = TensorDict(none, **batch)
+        world = self.env.start(run["seed"].clone(), zero.clone())
+        learned, before = self._apart(weights)
+        first = network.observed(world.copy().update(before))
         earned = self._nothing_earned(run)
         return TensorDict(
             {
-                "world": self.env.start(run["seed"].clone(), zero.clone()),
-                "weights": TensorDict(weights, **batch),
-                "trace": TensorDict(self._update.start(weights), **batch),
+                "world": world,
+                "weights": TensorDict(learned | first, **batch),
+                "trace": TensorDict(self._update.start(learned), **batch),
                 "alpha": self.step_size.start(run["alpha"]),
                 "situations": zero.clone(),
                 "steps": zero.clone(),
@@ -176,8 +211,9 @@ class Learner:
         the next one replaces it, which takes at least ``fewest_steps · evaluate_every`` steps
         (:class:`envs.core.world.WorldConfig`).
         """
-        before, decay = dict(state["weights"].items()), run["gamma"] * run["lam"]
-        slope, (transition, errors) = self._experienced(run, before, state)
+        before, statistics = self._apart(state["weights"])
+        decay = run["gamma"] * run["lam"]
+        slope, (transition, errors) = self._experienced(run, before, statistics, state)
         after = transition["next"]
         of_all = self._slope_of_all(before, transition)
         direction, trace = self._update.update(
@@ -214,9 +250,13 @@ class Learner:
         counted = {"fired": self._fired(state, slope)} if self._count_firing else {}
         if self._chooses_ahead:
             counted["action"] = after["action"]
+        if self._scales:
+            counted["reward_scale"] = after["reward_scale"]
+        world = self.env.restart(after)
+        weights |= self._statistics_after(after, world)
         return TensorDict(
             {
-                "world": self.env.restart(after),
+                "world": world,
                 "weights": weights,
                 "trace": trace,
                 "alpha": alpha,
@@ -226,6 +266,19 @@ class Learner:
             batch_size=state.batch_size,
             device=state.device,
         )
+
+    def _apart(self, weights: Weights) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        """Return the weights that have a trace, and the network's statistics."""
+        names = self.loss.value_network.statistics
+        learned = {name: weight for name, weight in weights.items() if name not in names}
+        return learned, {name: weights[name] for name in names}
+
+    def _statistics_after(self, after: TensorDictBase, world: TensorDictBase) -> dict[str, Tensor]:
+        """Return the statistics after a step, with the first observations of new episodes."""
+        network, done = self.loss.value_network, after["done"]
+        before = {name: after[name] for name in network.statistics}
+        again = network.observed(world.copy().update(before))
+        return {name: torch.where(done, new, before[name]) for name, new in again.items()}
 
     @property
     def _chooses_ahead(self) -> bool:
@@ -300,16 +353,21 @@ class Learner:
         return step * self._learns[name] if name in self._learns else step
 
     def _experienced(
-        self, run: TensorDictBase, weights: dict[str, Tensor], state: TensorDictBase
+        self,
+        run: TensorDictBase,
+        weights: dict[str, Tensor],
+        statistics: dict[str, Tensor],
+        state: TensorDictBase,
     ) -> tuple[dict[str, Tensor], _Experience]:
         """Return each run's ∇Q(s, a), by autograd, and its step of the world with the errors."""
         amount = self.policy.amount(run, state["steps"])
         numbers = {f"policy.{self.policy.amount_name}": amount, "loss.gamma": run["gamma"]}
-        given = state["world"].copy(), state.get("action", None)
+        given = state["world"].copy(), state.get("action", None), state.get("reward_scale", None)
 
         def chosen_value(weights: dict[str, Tensor]) -> tuple[Tensor, _Experience]:
             # The policy has the same network as the loss, so these weights are replaced in both.
-            named = {f"loss.value_network.{name}": weight for name, weight in weights.items()}
+            of_network = weights | statistics
+            named = {f"loss.value_network.{name}": each for name, each in of_network.items()}
             experience: _Experience = functional_call(
                 self._agent, named | numbers, given, tie_weights=False
             )
@@ -342,9 +400,10 @@ class Learner:
 
         def value(weights: dict[str, Tensor]) -> tuple[Tensor, None]:
             observations = tuple(after[key] for key in network.in_keys)
+            given = weights | {name: after[name] for name in network.statistics}
 
             def values(action: Tensor | None) -> Tensor:
-                found: Tensor = functional_call(network, weights, observations, {"action": action})
+                found: Tensor = functional_call(network, given, observations, {"action": action})
                 return found
 
             return self.loss.next_value(values, after).masked_fill(after["terminated"], 0), None

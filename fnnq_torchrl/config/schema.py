@@ -139,6 +139,7 @@ class Config(Parameters):
     variant: str = one_of(*VARIANTS)
     trace: str = one_of(*TRACES)
     window: int = whole(1)
+    scale_rewards: bool = flag(default=False)
     diverged_beyond: float = number(above=1)
     engine: str = one_of("auto", "eager", "compiled")
     situations: int = whole(1)
@@ -167,8 +168,11 @@ class Config(Parameters):
 
     @property
     def largest_value(self) -> float:
-        """The largest |Q| of a run that hasn't diverged; infinite if ``env.returns`` is None."""
-        returns = self.env.returns
+        """The largest |Q| of a run that hasn't diverged.
+
+        It is infinite if ``env.returns`` is None or rewards are scaled.
+        """
+        returns = None if self.scale_rewards else self.env.returns
         return inf if returns is None else self.diverged_beyond * max(map(abs, returns))
 
     @property
@@ -211,6 +215,9 @@ class Config(Parameters):
             yield OutOfRange("value.kind", kind, "table or tiles with trace=clearing")
         if self.variant == "expected_sarsa" and self.exploration == "noise":
             allowed = "epsilon_greedy or boltzmann with variant=expected_sarsa"
+            yield OutOfRange("exploration", self.exploration, allowed)
+        if self.exploration == "noise" and getattr(self.value, "outputs", "one") == "each":
+            allowed = "epsilon_greedy or boltzmann with value.outputs=each"
             yield OutOfRange("exploration", self.exploration, allowed)
 
     @property

@@ -42,6 +42,7 @@ from fnnq_torchrl.equations.membership_functions import (
 __all__ = [
     "ACTIVATIONS",
     "CLUSTERED",
+    "OUTPUTS",
     "SCHEMAS",
     "FuzzyConfig",
     "LabelsConfig",
@@ -50,6 +51,9 @@ __all__ = [
     "TilesConfig",
     "ValueConfig",
 ]
+
+OUTPUTS = ("one", "each")
+"""The outputs of an MLP: Q of an action among the inputs, or Q of each candidate action."""
 
 ACTIVATIONS = ("tanh", "relu", "leaky_relu")
 """The activation functions of an MLP's hidden units."""
@@ -335,13 +339,18 @@ class TilesConfig(ValueConfig):
 
 @dataclass
 class MLPConfig(ValueConfig):
-    """A multilayer perceptron from the inputs and the action to Q."""
+    """A multilayer perceptron from the inputs and the action to Q.
+
+    Fields with a default may be missing in the configurations of older jobs.
+    """
 
     inputs: Any = or_null(texts(most=64))
     widths: list[int] = wholes(1)
     activation: str = one_of(*ACTIVATIONS)
     layer_norm: bool = flag()
     sparsity: float = number(0, 1)
+    outputs: str = one_of(*OUTPUTS, default="one")
+    normalise: bool = flag(default=False)
 
     of_each_input: ClassVar = "the names"
 

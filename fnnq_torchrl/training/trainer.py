@@ -108,6 +108,7 @@ class Trainer:
             learns=None if self._start is None else self._start.masks,
             count_firing=config.counts_firing,
             count_earned=config.evaluation.tests == 0,
+            scale_rewards=config.scale_rewards,
         )
 
     @torch.no_grad()

@@ -70,6 +70,7 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "variant": "peng",
         "trace": "output",
         "window": 10,
+        "scale_rewards": False,
         "engine": "auto",
         "diverged_beyond": 100,
         "situations": 200,

@@ -5,6 +5,7 @@ from typing import Any, ClassVar, Self
 
 from tensordict import TensorDictBase
 from torch import Tensor, nn
+from torch.func import functional_call
 
 from fnnq_torchrl.config.values import ValueConfig
 
@@ -19,6 +20,13 @@ class ValueNetwork(nn.Module, ABC):
 
     schema: ClassVar[type[ValueConfig]]
     """The schema of the network's configuration."""
+
+    statistics: tuple[str, ...] = ()
+    """The names of the buffers that hold running statistics of the observations, ``[runs, …]``.
+
+    They don't learn, but :meth:`observed` updates them at every step of learning. :meth:`start`
+    returns them together with the weights, so that they are saved with the weights.
+    """
 
     candidates: Tensor
 
@@ -50,12 +58,22 @@ class ValueNetwork(nn.Module, ABC):
 
         Returns:
             The weights by parameter name, each ``[runs, *weights]``. If the network holds a single
-            run, its parameters are repeated for every run.
+            run, its parameters are repeated for every run. A network with ``statistics`` also
+            returns those before the first observation.
         """
         return {
             name: weight.detach().expand(len(seed), *weight.shape[1:])
             for name, weight in self.named_parameters()
         }
+
+    def observed(self, state: TensorDictBase) -> dict[str, Tensor]:
+        """Return the statistics after the observations in a TensorDict, by their names.
+
+        Args:
+            state: the observations. If it has the statistics, too, these are the ones to update;
+                otherwise the network's own are.
+        """
+        return {}
 
     @abstractmethod
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
@@ -72,6 +90,8 @@ class ValueNetwork(nn.Module, ABC):
     def values_in(self, state: TensorDictBase, action: Tensor | None = None) -> Tensor:
         """Return Q for the observations in a TensorDict; otherwise as :meth:`forward`.
 
+        If the TensorDict has the network's ``statistics``, they take the place of its own.
+
         Raises:
             ValueError: if the TensorDict has no batch dimension for the runs.
         """
@@ -79,5 +99,11 @@ class ValueNetwork(nn.Module, ABC):
             raise ValueError(
                 "a value network needs a batch of runs: batch_size=[1] for a single run"
             )
-        values: Tensor = self(*(state[key] for key in self.in_keys), action=action)
+        given = tuple(state[key] for key in self.in_keys)
+        own = {name: state[name] for name in self.statistics if name in state}
+        values: Tensor = (
+            functional_call(self, own, given, {"action": action})
+            if own
+            else self(*given, action=action)
+        )
         return values

@@ -6,11 +6,13 @@ from itertools import pairwise
 from typing import Self
 
 import torch
+from tensordict import TensorDictBase
 from torch import Tensor, nn
 
 from envs.core import streams
 from envs.core.streams import Stream
-from fnnq_torchrl.config.values import MLPConfig
+from fnnq_torchrl.config.values import OUTPUTS, MLPConfig
+from fnnq_torchrl.equations.normalisation import Moments, normalised
 
 from .base import ValueNetwork
 
@@ -20,19 +22,26 @@ _ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "leaky_relu": nn.functional.leaky_relu,
 }
 
+_STATISTICS = tuple(f"seen_{field}" for field in Moments._fields)
+
 _NORM_EPSILON = 1e-5  # the default of torch's LayerNorm
 
 
 class MLPValue(ValueNetwork):
-    """A multilayer perceptron from the observations and the action to Q.
+    """A multilayer perceptron from the observations, and the action, to Q.
 
     Every run has its own weights and biases, ``weight_i`` ``[runs, outputs, inputs]`` and
     ``bias_i`` ``[runs, outputs]``. Biases start at 0. A unit with n incoming weights starts with
     some of them at 0 and the others drawn from U(−1/√n, 1/√n) with the run's seed.
 
-    Source of the sparse start and of the layer normalisation (before the activation, without
-    parameters): M. Elsayed, G. Vasan, A. R. Mahmood, "Streaming deep reinforcement learning finally
-    works", 2024.
+    With ``normalise``, the network subtracts from each observation its running mean and divides it
+    by its running standard deviation. The statistics are ``seen_samples``, ``seen_mean`` and
+    ``seen_squares``, the fields of :class:`fnnq_torchrl.equations.normalisation.Moments`, each
+    ``[runs, inputs]``.
+
+    Source of the sparse start, of the layer normalisation (before the activation, without
+    parameters) and of the running normalisation: M. Elsayed, G. Vasan, A. R. Mahmood, "Streaming
+    deep reinforcement learning finally works", 2024.
 
     Args:
         in_keys: the keys of the observations that the network takes.
@@ -42,11 +51,14 @@ class MLPValue(ValueNetwork):
         layer_norm: whether hidden layers are normalised before the activation.
         sparsity: the share of a unit's incoming weights that start at 0, in [0, 1]. The number of
             zeros is rounded up, but at least one weight isn't 0.
+        outputs: ``one``: the action is an input, and the output is its Q. ``each``: there is an
+            output for each candidate; then only candidates have a value.
+        normalise: whether observations are normalised by their running mean and variance.
         runs: the number of runs in the batch; a network of one run takes inputs of any batch size.
             The parameters are drawn with the seeds 0, 1, ….
 
     Raises:
-        ValueError: if there is no such activation.
+        ValueError: if there is no such activation, or no such kind of outputs.
     """
 
     schema = MLPConfig
@@ -60,17 +72,27 @@ class MLPValue(ValueNetwork):
         activation: str,
         layer_norm: bool = False,
         sparsity: float = 0.0,
+        outputs: str = "one",
+        normalise: bool = False,
         runs: int = 1,
     ) -> None:
         super().__init__(list(in_keys), candidates)
         if activation not in _ACTIVATIONS:
             raise ValueError(f"activation={activation!r}: must be one of {', '.join(_ACTIVATIONS)}")
+        if outputs not in OUTPUTS:
+            raise ValueError(f"outputs={outputs!r}: must be {' or '.join(OUTPUTS)}")
         self._activation, self._layer_norm = _ACTIVATIONS[activation], layer_norm
-        self._sizes = [*pairwise([len(in_keys) + 1, *widths, 1])]
+        self._of_each = outputs == "each"
+        ends = (0, len(candidates)) if self._of_each else (1, 1)
+        self._sizes = [*pairwise([len(in_keys) + ends[0], *widths, ends[1]])]
         self._sparsity = sparsity
+        self.statistics = _STATISTICS if normalise else ()
         seeds = torch.arange(runs, device=candidates.device).unsqueeze(-1)
-        for name, weight in self.start(seeds).items():
-            self.register_parameter(name, nn.Parameter(weight))
+        for name, start in self.start(seeds).items():
+            if name in self.statistics:
+                self.register_buffer(name, start)
+            else:
+                self.register_parameter(name, nn.Parameter(start))
 
     @classmethod
     def from_config(cls, config: MLPConfig, candidates: Tensor, runs: int) -> Self:
@@ -81,6 +103,8 @@ class MLPValue(ValueNetwork):
             activation=config.activation,
             layer_norm=config.layer_norm,
             sparsity=config.sparsity,
+            outputs=config.outputs,
+            normalise=config.normalise,
             runs=runs,
         )
 
@@ -94,20 +118,41 @@ class MLPValue(ValueNetwork):
             place = second.view(shape).argsort(-1).argsort(-1)  # random order within a unit
             weights[f"weight_{layer}"] = torch.where(place < zeros, 0, weight)
             weights[f"bias_{layer}"] = weight.new_zeros(shape[:2])
-        return weights
+        nothing = self.candidates.new_zeros(len(seed), len(self.in_keys))
+        return weights | {name: nothing.clone() for name in self.statistics}
+
+    def observed(self, state: TensorDictBase) -> dict[str, Tensor]:
+        if not self.statistics:
+            return {}
+        before = Moments(*(state.get(name, getattr(self, name)) for name in self.statistics))
+        after = before.with_sample(torch.cat([state[key] for key in self.in_keys], -1))
+        return dict(zip(self.statistics, after, strict=True))
 
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
-        state = torch.cat(observations, -1).unsqueeze(-2)  # [runs, *batch, 1, observations]
+        state = torch.cat(observations, -1)
+        if self.statistics:
+            shape = (-1, *[1] * (state.ndim - 2), state.shape[-1])
+            seen = Moments(*(getattr(self, name).view(shape) for name in self.statistics))
+            state = normalised(state, seen)
+        if self._of_each:
+            values = self._through_the_layers(state.unsqueeze(-2)).squeeze(-2)
+            if action is None:
+                return values
+            return torch.where(action == self.candidates, values, 0).sum(-1, keepdim=True)
         actions = self.candidates if action is None else action
-        actions = actions.unsqueeze(-1).expand(*state.shape[:-2], -1, 1)
-        seen = torch.cat([state.expand(*actions.shape[:-1], -1), actions], -1)
-        hidden = seen.flatten(1, -2)  # [runs, batch · actions, inputs]
+        actions = actions.unsqueeze(-1).expand(*state.shape[:-1], -1, 1)
+        state = state.unsqueeze(-2).expand(*actions.shape[:-1], -1)
+        return self._through_the_layers(torch.cat([state, actions], -1)).squeeze(-1)
+
+    def _through_the_layers(self, seen: Tensor) -> Tensor:
+        """Return the output of the last layer, from ``[runs, *batch, inputs]``."""
+        hidden = seen.flatten(1, -2)  # [runs, batch, inputs]
         for layer in range(len(self._sizes)):
             if layer:
                 hidden = self._activation(_normalised(hidden) if self._layer_norm else hidden)
             weight = getattr(self, f"weight_{layer}").transpose(1, 2)
             hidden = torch.matmul(hidden, weight) + getattr(self, f"bias_{layer}").unsqueeze(1)
-        return hidden.view(actions.shape[:-1])
+        return hidden.view(*seen.shape[:-1], -1)
 
 
 def _uniforms(seed: Tensor, layer: int, count: int, dtype: torch.dtype) -> tuple[Tensor, Tensor]:
