@@ -27,7 +27,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle, Wedge
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from matplotlib.transforms import Transform
 
 __all__ = [
@@ -40,6 +40,7 @@ __all__ = [
     "Patch",
     "Polygon",
     "Rectangle",
+    "ScalarFormatter",
     "Transform",
     "Wedge",
     "own_style",

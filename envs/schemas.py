@@ -3,8 +3,10 @@
 from envs.classic.schemas import (
     AcrobotConfig,
     CartPoleConfig,
+    ChainConfig,
     MountainCarConfig,
     RandomWalkConfig,
+    TwoStatesConfig,
 )
 from envs.core.world import WorldConfig
 from envs.from_gymnasium.schemas import GymnasiumConfig
@@ -18,11 +20,13 @@ from envs.robot.schemas import (
 SCHEMAS: dict[str, type[WorldConfig]] = {
     "acrobot": AcrobotConfig,
     "cart_pole": CartPoleConfig,
+    "chain": ChainConfig,
     "follow_ball": FollowBallConfig,
     "follow_obstacles": FollowObstaclesConfig,
     "follow_one_side": FollowOneSideConfig,
     "gymnasium": GymnasiumConfig,
     "mountain_car": MountainCarConfig,
     "random_walk": RandomWalkConfig,
+    "two_states": TwoStatesConfig,
     "wander": WanderConfig,
 }

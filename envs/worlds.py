@@ -4,8 +4,10 @@ from typing import Any
 
 from envs.classic.acrobot import Acrobot
 from envs.classic.cart_pole import CartPole
+from envs.classic.chain import Chain
 from envs.classic.mountain_car import MountainCar
 from envs.classic.random_walk import RandomWalk
+from envs.classic.two_states import TwoStates
 from envs.core.pure import PureEnv
 from envs.core.registry import class_of
 from envs.core.world import WorldConfig
@@ -18,12 +20,14 @@ from envs.robot.wander import Wander
 WORLDS: dict[str, type[PureEnv]] = {
     "acrobot": Acrobot,
     "cart_pole": CartPole,
+    "chain": Chain,
     "follow_ball": FollowBall,
     "follow_obstacles": FollowObstacles,
     "follow_one_side": FollowOneSide,
     "gymnasium": GymnasiumWorld,
     "mountain_car": MountainCar,
     "random_walk": RandomWalk,
+    "two_states": TwoStates,
     "wander": Wander,
 }
 

@@ -81,11 +81,13 @@ def no_fsync() -> Iterator[None]:
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write invented results of all experiments: 110 runs of the large ones, 12 of the others."""
     from .experiment_files import EXPERIMENTS, paper_level, write_experiment
+    from .small_world_files import write_small_worlds
 
     root = tmp_path_factory.mktemp("outputs")
     for name, jobs in EXPERIMENTS.items():
         runs = 110 if name.endswith("large") else 12
         write_experiment(root / name / "2026-01-02_03-04-05", jobs, paper_level, runs)
+    write_small_worlds(root)
     return root
 
 

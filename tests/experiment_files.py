@@ -114,6 +114,18 @@ EXPERIMENTS = {
     ],
 }
 EXPERIMENTS |= {
+    "sensitivity": grid(
+        {
+            "variant": "peng,watkins",
+            "trace": "output,gradient",
+            "lam": "0,0.2,0.8",
+            "epsilon": "0.03,0.3",
+        }
+    ),
+    "best_exploration": [
+        *grid({"epsilon": "0.03,0.1"}, "exploration=epsilon_greedy"),
+        *grid({"temperature": "0.01,0.1"}, "exploration=boltzmann"),
+    ],
     "fig2_large": EXPERIMENTS["fig2"],
     "fig3_large": EXPERIMENTS["fig3"],
     "decay_large": grid({"alpha_decay": "0.9,0.97,0.99,0.997,1"}),

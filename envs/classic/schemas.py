@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, pi
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from envs.core.parameters import OutOfRange, number, rising_pair, whole
+from envs.core.parameters import OutOfRange, number, or_null, rising_pair, whole
 from envs.core.world import Range, WorldConfig
 
 
@@ -196,3 +196,67 @@ class RandomWalkConfig(WorldConfig):
     def fewest_steps(self) -> int:
         """The steps from the middle straight to the nearer end."""
         return min(self.time_limit_steps, self.middle)
+
+
+@dataclass
+class ChainConfig(WorldConfig):
+    """The parameters of ``chain``."""
+
+    length: int = whole(2)
+    choices: int = whole(2)
+    setback: Any = or_null(whole(1))
+    goal_reward: float = number(above=0)
+
+    measure: ClassVar = "length"
+    successes: ClassVar = "arrivals"
+
+    @property
+    def observations(self) -> Mapping[str, Range]:
+        """The place, from 1 to the length; the number above it is the end."""
+        return {"place": (1.0, self.length + 1.0)}
+
+    @property
+    def usual(self) -> Mapping[str, Range]:
+        """The places in which an action is chosen."""
+        return {"place": (1.0, float(self.length))}
+
+    @property
+    def actions(self) -> int:
+        """The number of actions, of which one is right in each state."""
+        return self.choices
+
+    @property
+    def returns(self) -> Range:
+        """The lowest and the highest return."""
+        return 0.0, self.goal_reward
+
+    @property
+    def fewest_steps(self) -> int:
+        """The steps of the right actions."""
+        return min(self.time_limit_steps, self.length)
+
+
+@dataclass
+class TwoStatesConfig(WorldConfig):
+    """The parameters of ``two_states``."""
+
+    noise: float = number(above=0)
+
+    measure: ClassVar = "return"
+    action_name: ClassVar = "step"
+
+    @property
+    def observations(self) -> Mapping[str, Range]:
+        """The place, 1 or 2."""
+        return {"place": (1.0, 2.0)}
+
+    @property
+    def actions(self) -> int:
+        """The number of actions: one, without an effect."""
+        return 1
+
+    @property
+    def returns(self) -> Range:
+        """The lowest and the highest return."""
+        most = self.noise * self.time_limit_steps
+        return -most, most

@@ -10,6 +10,7 @@ from fnnq_torchrl.studies.figures.gallery import FIGURES as GALLERY
 from fnnq_torchrl.studies.measures import MEASURES
 from fnnq_torchrl.studies.reproduction.claims import CLAIMS, Claim, Comparison, Expected
 from fnnq_torchrl.studies.reproduction.command import main
+from fnnq_torchrl.studies.reproduction.general import GENERAL_EXPERIMENTS
 from fnnq_torchrl.studies.reproduction.page import EXPERIMENTS, FIGURES, write_page
 from fnnq_torchrl.studies.reproduction.pool import Pool, default_settings
 from fnnq_torchrl.studies.reproduction.verdicts import (
@@ -130,7 +131,7 @@ def test_the_shares_are_over_samples_of_the_papers_size(pool: Pool) -> None:
 
 @pytest.fixture(scope="module")
 def page(experiments: dict[str, Experiment]) -> str:
-    return write_page({name: experiments[name] for name in EXPERIMENTS})
+    return write_page({name: experiments[name] for name in EXPERIMENTS + GENERAL_EXPERIMENTS})
 
 
 def test_the_page_has_every_claim_with_both_verdicts(page: str) -> None:
@@ -187,7 +188,8 @@ def test_the_command(
     monkeypatch.setattr(f"{command}.draw", lambda figures, to: drawn.update(figures))
     monkeypatch.setattr("sys.argv", ["reproduction", "--to", str(tmp_path)])
     main()
-    assert (tmp_path / "reproduction.md").read_text() == ", ".join(EXPERIMENTS)
+    names = EXPERIMENTS + GENERAL_EXPERIMENTS
+    assert (tmp_path / "reproduction.md").read_text() == ", ".join(names)
     assert {name: experiment.name for name, experiment in drawn.items()} == FIGURES
 
 

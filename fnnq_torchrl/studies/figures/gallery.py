@@ -9,11 +9,19 @@ from fnnq_torchrl.studies.figures.curves import experiment_curves_figure
 from fnnq_torchrl.studies.figures.job_words import change_words
 from fnnq_torchrl.training.pictures.style import save
 
+from .chain import chain_figure
 from .dots import dots_figure
 from .lines import lines_figure
 from .readings import readings_figure
 
 Draw = Callable[[Experiment], Figure]
+
+
+def _sensitivity(results: Experiment, trace: str) -> Figure:
+    return lines_figure(
+        results.where("trace", trace), "epsilon", "lam", ["mean_score"], panels="variant"
+    )
+
 
 FIGURES: dict[str, tuple[str, Draw]] = {
     "fig2": ("fig2", lambda results: experiment_curves_figure(results, "lam")),
@@ -45,6 +53,13 @@ FIGURES: dict[str, tuple[str, Draw]] = {
         "open_choices",
         lambda results: dots_figure(results, "mean_score", "lam", change_words),
     ),
+    "sensitivity": ("sensitivity", lambda results: _sensitivity(results, "output")),
+    "sensitivity_gradient": ("sensitivity", lambda results: _sensitivity(results, "gradient")),
+    "best_exploration": (
+        "best_exploration",
+        lambda results: dots_figure(results, "mean_score"),
+    ),
+    "chain": ("chain", chain_figure),
 }
 """Each figure by its file name: the experiment that it shows, and the function that draws it."""
 

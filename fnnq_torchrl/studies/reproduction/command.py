@@ -11,7 +11,9 @@ from fnnq_torchrl.studies.experiments import newest_experiment
 from fnnq_torchrl.studies.figures.gallery import draw
 from fnnq_torchrl.training.terminal import announce
 
-from .page import EXPERIMENTS, FIGURES, IN_SHORT, verdicts_in_short, write_page
+from .claim_sections import IN_SHORT, verdicts_in_short
+from .general import GENERAL_EXPERIMENTS, GENERAL_FIGURES, with_general, write_general
+from .page import EXPERIMENTS, FIGURES, write_page
 
 
 def main() -> None:
@@ -22,19 +24,28 @@ def main() -> None:
         action="store_true",
         help=f"only print a table, made from the experiments {', '.join(IN_SHORT)}",
     )
+    parser.add_argument(
+        "--general",
+        action="store_true",
+        help="only write the page's second part anew, on the claims about Q(λ) in general",
+    )
     arguments = parser.parse_args()
     with one_line_errors():
         if arguments.short:
             _print_short(arguments.results)
             return
-        experiments = {name: newest_experiment(arguments.results, name) for name in EXPERIMENTS}
-        text = write_page(experiments)
-        arguments.to.mkdir(parents=True, exist_ok=True)
         page = arguments.to / "reproduction.md"
+        names = GENERAL_EXPERIMENTS if arguments.general else EXPERIMENTS + GENERAL_EXPERIMENTS
+        experiments = {name: newest_experiment(arguments.results, name) for name in names}
+        if arguments.general:
+            text = with_general(page.read_text(encoding="utf-8"), write_general(experiments))
+        else:
+            text = write_page(experiments)
+        arguments.to.mkdir(parents=True, exist_ok=True)
         with atomic_write(page) as file:
             file.write(text.encode())
-        figures = {name: experiments[source] for name, source in FIGURES.items()}
-        draw(figures, arguments.to / "figures")
+        figures = GENERAL_FIGURES if arguments.general else FIGURES
+        draw({name: experiments[of] for name, of in figures.items()}, arguments.to / "figures")
         announce(str(page))
 
 

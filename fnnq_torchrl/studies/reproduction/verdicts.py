@@ -28,10 +28,18 @@ class Verdict(Enum):
     """The verdict of the runs on a claim."""
 
     HOLDS = "holds"
-    BARELY = f"holds, perhaps by less than {MATTERS} catches"
+    BARELY = "holds, perhaps by less than {}"
     PART = "holds in part"
     FAILS = "does not hold"
     OPEN = "can't be told"
+
+    def words(self, least: str = f"{MATTERS} catches") -> str:
+        """Return the verdict in words.
+
+        Args:
+            least: the smallest difference that matters, in words.
+        """
+        return self.value.format(least)
 
 
 @dataclass(frozen=True)
@@ -47,25 +55,31 @@ class Compared:
     verdict: Verdict
 
 
-def verdict(low: float, high: float, expected: Expected) -> Verdict:
+def verdict(low: float, high: float, expected: Expected, matters: float = MATTERS) -> Verdict:
     """Return the verdict on an expected difference, from the confidence interval of the difference.
 
-    * MORE holds if the interval lies above 0, and holds barely if a part of it is below `MATTERS`.
-      It fails if the interval reaches 0 and lies below `MATTERS`. LESS is the mirror image.
-    * SAME holds if the interval lies within ±`MATTERS`, and fails if it lies wholly outside. OTHER
-      is the opposite.
+    * MORE holds if the interval lies above 0, and holds barely if a part of it is below
+      ``matters``. It fails if the interval reaches 0 and lies below ``matters``. LESS is the mirror
+      image.
+    * SAME holds if the interval lies within ±``matters``, and fails if it lies wholly outside.
+      OTHER is the opposite.
 
     In all other cases, and if the interval is unknown (NaN), the verdict is open.
+
+    Args:
+        low, high: the bounds of the interval.
+        expected: the claimed result.
+        matters: the smallest difference that matters.
     """
     if expected is Expected.LESS:
-        return verdict(-high, -low, Expected.MORE)
+        return verdict(-high, -low, Expected.MORE, matters)
     if expected is Expected.MORE:
         if low > 0:
-            return Verdict.HOLDS if low >= MATTERS else Verdict.BARELY
-        return Verdict.FAILS if high < MATTERS else Verdict.OPEN
-    if low > -MATTERS and high < MATTERS:
+            return Verdict.HOLDS if low >= matters else Verdict.BARELY
+        return Verdict.FAILS if high < matters else Verdict.OPEN
+    if low > -matters and high < matters:
         return Verdict.HOLDS if expected is Expected.SAME else Verdict.FAILS
-    if low >= MATTERS or high <= -MATTERS:
+    if low >= matters or high <= -matters:
         return Verdict.FAILS if expected is Expected.SAME else Verdict.HOLDS
     return Verdict.OPEN
 
@@ -83,6 +97,21 @@ def compare(pool: Pool, comparison: Comparison, also: Settings, runs: int | None
         NoResults: if a job is missing, or has fewer runs.
     """
     ours, theirs = _scores(pool, comparison, also, runs)
+    return compare_runs(ours, theirs, comparison.expected)
+
+
+def compare_runs(
+    ours: NDArray[np.float64],
+    theirs: NDArray[np.float64],
+    expected: Expected,
+    matters: float = MATTERS,
+) -> Compared:
+    """Compare the numbers of two configurations' runs over the same seeds.
+
+    Args:
+        ours, theirs: one number for each run, ``[runs]``.
+        expected, matters: as in `verdict`.
+    """
     difference = paired_difference(ours, theirs)
     _, low, high = difference.mean
     return Compared(
@@ -92,7 +121,7 @@ def compare(pool: Pool, comparison: Comparison, also: Settings, runs: int | None
         ours_iqm=float(interquartile_mean(ours)),
         theirs_iqm=float(interquartile_mean(theirs)),
         difference=difference,
-        verdict=verdict(low, high, comparison.expected),
+        verdict=verdict(low, high, expected, matters),
     )
 
 

@@ -12,6 +12,8 @@ _KEYS = {  # words and unit
     "temperature": ("temperature", ""),
     "noise_std": ("σ", ""),
     "env.speed_mps": ("V₀", "m/s"),
+    "env.length": ("states", ""),
+    "env.time_limit_steps": ("steps of an episode", ""),
     "env.bearing_noise_rad": ("sensor noise", "rad"),
     "action.candidates": ("candidate actions", ""),
     "value.width": ("second number of a label", ""),

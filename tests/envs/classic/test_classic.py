@@ -65,7 +65,9 @@ def numbers(env: PureEnv, state) -> np.ndarray:
     return torch.cat([state[key] for key in env.seen], -1).numpy().copy()
 
 
-@pytest.mark.parametrize("task", ["mountain_car", "cart_pole", "acrobot", "random_walk"])
+@pytest.mark.parametrize(
+    "task", ["mountain_car", "cart_pole", "acrobot", "random_walk", "chain", "two_states"]
+)
 def test_it_is_an_environment(task: str) -> None:
     env = make(task, runs=3)
     check_env_specs(env)
