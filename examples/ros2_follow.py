@@ -6,7 +6,7 @@ sonar (sensor_msgs/Range on /sonar_0, /sonar_1, …, in the order of the job's s
 """
 
 import sys
-from collections.abc import Mapping, Sequence
+from typing import Any
 
 
 def twist(steering: float, speed_mps: float, track_width_m: float) -> tuple[float, float]:
@@ -14,12 +14,12 @@ def twist(steering: float, speed_mps: float, track_width_m: float) -> tuple[floa
     return speed_mps, -2 * speed_mps * steering / track_width_m
 
 
-def observe(
-    bearing_rad: float, ranges_m: Sequence[float], groups: Mapping[str, Sequence[int]]
-) -> dict[str, float]:
+def observe(bearing_rad: float, ranges_m: list[float], sonar: Any) -> dict[str, float]:
     """Return the controller's inputs: the bearing and the least reading of each sonar group."""
-    nearest = {name: min(ranges_m[i] for i in members) for name, members in groups.items()}
-    return {"bearing": bearing_rad, **nearest}
+    groups, span_m = (sonar.groups, sonar.range_m) if sonar else ({}, [])
+    # Without an echo, a driver reports infinity or NaN, and the simulator the greatest reading.
+    seen = [max(span_m[0], min(span_m[1], range_m)) for range_m in ranges_m]
+    return {"bearing": bearing_rad, **{name: min(seen[i] for i in groups[name]) for name in groups}}
 
 
 def main() -> None:
@@ -33,11 +33,11 @@ def main() -> None:
     from fnnq_torchrl.config.checking import to_config
     from fnnq_torchrl.training.replaying import greedy_actions
 
-    checkpoint = load_checkpoint(f"{sys.argv[1]}/checkpoint.pt")
-    world = to_config(checkpoint.config).env
+    world = to_config(load_checkpoint(f"{sys.argv[1]}/checkpoint.pt").config).env
     network = load_policy(sys.argv[1], best_seed(sys.argv[1])).value_network
-    sonar, robot = world.sensors.sonar, world.robot
-    ranges, bearing = [sonar.range_m[1]] * len(sonar.ring), [0.0]
+    robot = getattr(world, "robot", world)  # task=follow has no robot: and no sensors:
+    sonar = world.sensors.sonar if hasattr(world, "sensors") else None
+    ranges, bearing = [sonar.range_m[1] for _ in sonar.ring] if sonar else [], [0.0]
     rclpy.init()
     node = rclpy.create_node("fnnq")
     node.create_subscription(Float32, "bearing", lambda m: bearing.__setitem__(0, m.data), 10)
@@ -47,7 +47,7 @@ def main() -> None:
     wheels = node.create_publisher(Twist, "cmd_vel", 10)
 
     def drive() -> None:
-        [steering] = greedy_actions(network, [observe(bearing[0], ranges, sonar.groups)])
+        [steering] = greedy_actions(network, [observe(bearing[0], ranges, sonar)])
         command = Twist()
         command.linear.x, command.angular.z = twist(steering, robot.speed_mps, robot.track_width_m)
         wheels.publish(command)

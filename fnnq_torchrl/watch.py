@@ -7,12 +7,13 @@ Keys, each as key=value:
                 same name with the ending .png
     seed        the seed of one run, or of several, as in 0,1,2 (default: the best run)
     when        after, before or both: the test after learning, before it, or both (default: after)
-    situations  the number of the test's situations to draw (default: 1)
+    situations  the number of the test's situations to draw, from the first (default: 1)
     every       the number of steps from one frame to the next (default: 2)
     size        the width of a panel in pixels (default: 360)
 """
 
 import sys
+from itertools import chain
 from pathlib import Path
 
 from fnnq_torchrl.config.schema import ConfigError
@@ -29,6 +30,7 @@ _DEFAULTS = {
     "size": "360",
 }
 _WHEN = {"after": [True], "before": [False], "both": [False, True]}
+_MOST_COLUMNS = 6  # an even number
 
 
 def main() -> None:
@@ -61,7 +63,7 @@ def watch(given: dict[str, str]) -> list[Path]:
     # Imported after the checks, because importing torch takes seconds.
     from fnnq_torchrl.config.checking import to_config
     from fnnq_torchrl.training.policies import best_seed
-    from fnnq_torchrl.training.watching import play, write_gif, write_strip
+    from fnnq_torchrl.training.watching import panel_title, play, write_gif, write_strip
     from fnnq_torchrl.training.weights import load_checkpoint
 
     directory = Path(given["run"])
@@ -71,17 +73,24 @@ def watch(given: dict[str, str]) -> list[Path]:
     if situations > most:
         raise ConfigError(f"situations={situations}: must be at most {most}, the size of the test")
     seeds = _seeds(given["seed"]) or [best_seed(directory)]
-    films, titles = [], []
-    for learned in _WHEN[given["when"]]:
+    moments = _WHEN[given["when"]]
+    rows = []  # before learning, after learning, or both
+    for learned in moments:
         played = play(config, checkpoint, seeds, situations, learned=learned)
-        for seed, of_seed in zip(seeds, played, strict=True):
-            for number, film in enumerate(of_seed):
-                films.append(film)
-                of_run = f"run {seed}, " if len(seeds) > 1 else ""
-                titles.append(f"{'after' if learned else 'before'} learning, {of_run}test {number}")
+        rows.append(
+            [
+                (film, panel_title(number, learned, seed if len(seeds) > 1 else None))
+                for seed, of_seed in zip(seeds, played, strict=True)
+                for number, film in enumerate(of_seed, start=1)
+            ]
+        )
+    panels, columns = list(chain(*rows)), None
+    if len(moments) == 2:
+        columns = len(rows[0])
+        if columns > _MOST_COLUMNS:  # before and after side by side, in rows of several pairs
+            panels, columns = list(chain(*zip(*rows, strict=True))), _MOST_COLUMNS
+    films, titles = zip(*panels, strict=True)
     to = Path(given["to"] or directory / "robot.gif")
-    # The first row shows the runs before learning, the second row after it.
-    columns = len(films) // 2 if given["when"] == "both" else None
     write_gif(films, titles, to, size_px=size_px, every=every, columns=columns)
     stills = to.with_suffix(".png")
     write_strip(films[-1], titles[-1], stills, size_px=size_px)

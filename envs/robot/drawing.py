@@ -6,7 +6,7 @@ import this module, so that only programs that draw load Matplotlib.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import ceil, cos, degrees, radians, sin, sqrt
+from math import ceil, cos, degrees, floor, log10, radians, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,8 @@ Image = NDArray[np.uint8]
 """An RGB picture, uint8 ``[height, width, 3]``."""
 
 Spot = tuple[float, float]
+"""x and y in m."""
+
 Pose = tuple[float, float, float]
 """x and y in m, heading in rad."""
 
@@ -41,6 +43,9 @@ ROBOT, BALL, OTHER_BALL, OBSTACLE = "#0072B2", "#E69F00", "#CC79A7", "0.65"
 ECHO, VIEW, GOOD, BAD = "#56B4E9", "#F5F0D0", "#009E73", "#D55E00"
 
 _DPI = 100
+
+
+_MARGIN_M = 0.4  # between the robot's way and the edge of the picture, in an open plane
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,18 @@ def shot_of(env: PureEnv, state: TensorDictBase, run: int = 0) -> Shot:
     )
 
 
+def in_view(film: Sequence[Shot]) -> list[Shot]:
+    """Return the shots of a film with a region that contains the robot's whole way.
+
+    Between walls, the region stays as it is.
+    """
+    [half_size_m] = {shot.half_size_m for shot in film}
+    if not film[0].walls:
+        farthest_m = max(abs(place_m) for shot in film for place_m in shot.pose[:2]) + _MARGIN_M
+        half_size_m = max(half_size_m[0], farthest_m), max(half_size_m[1], farthest_m)
+    return [replace(shot, half_size_m=half_size_m) for shot in film]
+
+
 def _pose(one: TensorDictBase) -> Pose:
     return float(one["x_m"]), float(one["y_m"]), float(one["heading_rad"])
 
@@ -116,7 +133,7 @@ def _of_ball(env: FollowBall, one: TensorDictBase) -> Shot:
     world, angle_rad = env.world, float(one["ball_angle_rad"])
     radius_m = world.circle_radius_m
     return Shot(
-        half_size_m=(radius_m + 0.4, radius_m + 0.4),
+        half_size_m=(radius_m + _MARGIN_M, radius_m + _MARGIN_M),
         walls=False,
         pose=_pose(one),
         # The robot has no size in this world, so the catch distance stands for its radius.
@@ -258,6 +275,7 @@ def draw(axes: Axes, film: Sequence[Shot], title: str = "") -> None:
         _add(axes, ball, facecolor=colour, edgecolor="0.25", linewidth=0.8, zorder=8)
     axes.plot(*zip(*(each.pose[:2] for each in film), strict=True), color=ROBOT, lw=1.2)
     _draw_robot(axes, shot)
+    _draw_scale(axes, shot)
     words = f"step {shot.step}   reward {sum(each.reward for each in film):+.2f}"
     axes.set_title(f"{title}\n{words}" if title else words, fontsize=8, pad=3)
 
@@ -288,6 +306,25 @@ def _draw_robot(axes: Axes, shot: Shot) -> None:
         _add(axes, wheel, facecolor="0.2", edgecolor="none", zorder=6)
     nose = _ahead(pose, radius_m, 0)
     axes.plot([pose[0], nose[0]], [pose[1], nose[1]], color=ROBOT, lw=2, zorder=7)
+
+
+def _draw_scale(axes: Axes, shot: Shot) -> None:
+    """Draw a bar of a round length, such as 1 m, in the lower left corner."""
+    across_m, up_m = shot.half_size_m
+    length_m = 10.0 ** floor(log10(across_m))
+    left_m, low_m = -0.95 * across_m, -0.95 * up_m
+    axes.plot([left_m, left_m + length_m], [low_m, low_m], color="0.2", lw=1.5, zorder=9)
+    middle = (left_m + length_m / 2, low_m)
+    axes.annotate(
+        f"{length_m:g} m",
+        middle,
+        (0, 2),
+        textcoords="offset points",
+        fontsize=7,
+        color="0.2",
+        horizontalalignment="center",
+        zorder=9,
+    )
 
 
 def _add(axes: Axes, patch: Patch, **looks: Any) -> None:

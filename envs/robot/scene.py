@@ -486,14 +486,32 @@ def _gap_to_disc(obstacle: ObstacleConfig, centre_m: tuple[float, float], radius
 
 def _reaches(obstacle: ObstacleConfig, place: Any, radius_m: float) -> bool:
     """Return whether a ball that starts in a place or region can overlap a fixed obstacle."""
-    nearest = [
-        min(max(centre, low), high)
-        for centre, (low, high) in zip(obstacle.centre_m, map(span, place), strict=True)
+    spans = [*map(span, place)]
+    centre_m = [(low + high) / 2 for low, high in spans]
+    region = BoxConfig("box", 1, centre_m, [high - low for low, high in spans], 0.0)
+    if isinstance(obstacle, DiscConfig):
+        x_m, y_m = obstacle.centre_m
+        return _gap_to_disc(region, (x_m, y_m), obstacle.radius_m + radius_m) < 0
+    # Two rectangles that don't overlap are nearest to each other at a corner of one of them.
+    return _overlap(region, obstacle) or any(
+        _gap_to_disc(one, corner, radius_m) < 0
+        for one, other in ((region, obstacle), (obstacle, region))
+        for corner in _corners(other)
+    )
+
+
+def _corners(box: BoxConfig) -> list[tuple[float, float]]:
+    """Return the corners of a fixed box, x and y in m."""
+    cosine, sine = cos(box.heading_rad), sin(box.heading_rad)
+    along, across = (size / 2 for size in box.size_m)
+    return [
+        (
+            box.centre_m[0] + cosine * forward - sine * left,
+            box.centre_m[1] + sine * forward + cosine * left,
+        )
+        for forward in (along, -along)
+        for left in (across, -across)
     ]
-    if any(isinstance(value, list) for value in place):
-        away = [near - centre for near, centre in zip(nearest, obstacle.centre_m, strict=True)]
-        return hypot(*away) < obstacle.reach_m + radius_m
-    return _gap_to_disc(obstacle, (nearest[0], nearest[1]), radius_m) < 0
 
 
 def _overlap(one: ObstacleConfig, other: ObstacleConfig) -> bool:

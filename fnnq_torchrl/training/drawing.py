@@ -32,16 +32,17 @@ def draw_job(job: Job, evaluations: Evaluations | None = None) -> None:
 
 
 def draw_video(job: Job) -> None:
-    """Draw the first situations of a finished job's last test, played by its first run."""
+    """Draw the first situations of a finished job's last test, played by its best run."""
     video = job.directory / VIDEO
     with optional(video):
-        from fnnq_torchrl.training.watching import play, write_gif
+        from fnnq_torchrl.training.policies import best_seed
+        from fnnq_torchrl.training.watching import panel_title, play, write_gif
         from fnnq_torchrl.training.weights import load_checkpoint
 
         checkpoint = load_checkpoint(job.directory / "checkpoint.pt")
         panels = min(_PANELS, job.config.evaluation.tests)
-        [films] = play(job.config, checkpoint, [int(checkpoint.seed[0])], panels, learned=True)
-        titles = [f"after learning, test {number}" for number in range(panels)]
+        [films] = play(job.config, checkpoint, [best_seed(job.directory)], panels, learned=True)
+        titles = [panel_title(number, learned=True) for number in range(1, panels + 1)]
         every = max(2, ceil(max(map(len, films)) / _FRAMES))
         write_gif(films, titles, video, size_px=_PANEL_PX, every=every, columns=panels)
 

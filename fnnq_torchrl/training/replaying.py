@@ -30,7 +30,7 @@ def read_log(path: Path, names: Sequence[str]) -> Rows:
             The message names the place.
         OSError: if the file can't be read.
     """
-    with open(path, newline="", encoding="utf-8") as file:
+    with open(path, newline="", encoding="utf-8-sig") as file:
         reader = csv.DictReader(file)
         columns = reader.fieldnames or []
         if missing := [name for name in names if name not in columns]:
@@ -47,7 +47,8 @@ def read_log(path: Path, names: Sequence[str]) -> Rows:
             except (TypeError, ValueError):
                 fine = False
             if not fine:
-                raise ConfigError(f"{path}: line {number}: {name}={row[name]}: must be a number")
+                given = f"{path}: line {number}: {name}={row[name]}"
+                raise ConfigError(f"{given}: must be a finite number")
     return rows
 
 

@@ -8,7 +8,7 @@ from PIL import Image
 from tensordict import TensorDict
 
 from envs.core.pure import PureEnv
-from envs.robot.drawing import Canvas, Shot, shot_of
+from envs.robot.drawing import Canvas, Shot, in_view, shot_of
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config, ConfigError
@@ -108,7 +108,19 @@ def _films(
                     lane,
                 )
             )
-    return films
+    return [in_view(film) for film in films]
+
+
+def panel_title(situation: int, learned: bool, seed: int | None = None) -> str:
+    """Return a panel's title.
+
+    Args:
+        situation: the situation's number in the test, counted from 1.
+        learned: whether the film was made after learning.
+        seed: the run's seed, if the title should name the run.
+    """
+    of_run = "" if seed is None else f"run {seed}, "
+    return f"{'after' if learned else 'before'} learning, {of_run}situation {situation}"
 
 
 def write_gif(

@@ -1,18 +1,21 @@
 """A test replayed for watching is the same as the test that gave the score."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from PIL import Image
 
 from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training import watching
 from fnnq_torchrl.training.job import run_job
 from fnnq_torchrl.training.results import read_evaluations
 from fnnq_torchrl.training.watching import play
 from fnnq_torchrl.training.weights import load_checkpoint
-from fnnq_torchrl.watch import main
+from fnnq_torchrl.watch import main, watch
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +48,29 @@ def test_before_learning_a_prior_is_what_steers(tmp_path: Path) -> None:
     [films] = play(to_config(checkpoint.config), checkpoint, [0], 5, learned=False)
     caught = sum(film[-1].success for film in films)
     assert caught == read_evaluations(tmp_path / "evaluations.csv").catches[0, 0] == 5
+
+
+def test_panels_are_titled_and_placed(job: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: dict[str, Any] = {}
+
+    def write_gif(films: Sequence[object], titles: Sequence[str], *_: object, **keys: Any) -> None:
+        assert len(films) == len(titles)
+        shown.update(titles=titles, columns=keys["columns"])
+
+    monkeypatch.setattr(watching, "write_gif", write_gif)
+    monkeypatch.setattr(watching, "write_strip", lambda *_, **__: None)
+    defaults = {"to": "", "seed": "", "every": "2", "size": "100", "run": str(job)}
+    watch(defaults | {"when": "both", "situations": "2"})
+    before = ["before learning, situation 1", "before learning, situation 2"]
+    after = [title.replace("before", "after") for title in before]
+    assert shown == {"titles": (*before, *after), "columns": 2}
+    watch(defaults | {"when": "both", "situations": "4", "seed": "0,1"})
+    first = ["before learning, run 0, situation 1", "after learning, run 0, situation 1"]
+    assert [*shown["titles"][:2]] == first
+    assert shown["titles"][-1] == "after learning, run 1, situation 4"
+    assert shown["columns"] == 6
+    watch(defaults | {"when": "after", "situations": "5"})
+    assert shown["columns"] is None
 
 
 def test_the_command_leaves_a_moving_picture_and_stills(

@@ -1,8 +1,9 @@
 """Distil a greedy policy into rules from state to action."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
+from math import prod
 
 import torch
 from torch import Tensor
@@ -12,20 +13,24 @@ from fnnq_torchrl.agent.rules.system import FuzzySystem
 
 _POINTS = 2_001
 _BISECTIONS = 50
+_MOST_SLICES = 64
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """An interval of a state input with the same greedy action.
+    """An interval of the first state input with the same greedy action.
 
     Attributes:
         low, high: the interval's ends.
         action: the greedy action.
+        others: a label of each other state input by the input's name. The input is held at the
+            label's middle.
     """
 
     low: float
     high: float
     action: float
+    others: Mapping[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +40,9 @@ class Controller:
     Attributes:
         states: a grid over the state inputs' ranges, ``[points, states]``.
         greedy: the greedy action at each point, ``[points]``.
-        stretches: the intervals of equal greedy action if there is one state input; else empty.
+        stretches: the intervals of equal greedy action: the first state input moves over its range,
+            for every combination of the other inputs' labels in turn. Empty if there are more than
+            64 combinations.
         distilled: the rules, with one action for each combination of the inputs' labels.
         action: the action's variable.
         largest_difference, mean_difference: the absolute difference between the rules' action and
@@ -51,9 +58,9 @@ class Controller:
     mean_difference: float
 
     @property
-    def switches(self) -> list[float]:
-        """The states at which the greedy action changes, in rising order."""
-        return [stretch.low for stretch in self.stretches[1:]]
+    def switches(self) -> list[Stretch]:
+        """The stretches that begin at a state where the greedy action changes."""
+        return [new for old, new in pairwise(self.stretches) if old.others == new.others]
 
     def sentences(self) -> list[str]:
         """Return the rules as sentences: ``if bearing is left then steer hard_left (+1.00)``."""
@@ -104,7 +111,7 @@ def distil(
     return Controller(
         grid,
         actions,
-        _stretches(grid[:, 0], actions, greedy) if len(states) == 1 else [],
+        _slices(states, greedy),
         distilled,
         action,
         float(differences.max()),
@@ -112,18 +119,51 @@ def distil(
     )
 
 
-def _stretches(x: Tensor, actions: Tensor, greedy: Callable[[Tensor], Tensor]) -> list[Stretch]:
-    """Return the intervals of equal greedy action, with ends found by bisection between points."""
+def _slices(states: Sequence[Variable], greedy: Callable[[Tensor], Tensor]) -> list[Stretch]:
+    """Return the first input's stretches for every combination of the other inputs' labels."""
+    first, *others = states
+    if prod(len(other.labels) for other in others) > _MOST_SLICES:
+        return []
+    x = torch.linspace(*first.span(), _POINTS, dtype=torch.float64)
+    stretches = []
+    for labels in product(*(other.labels for other in others)):
+        held = x.new_tensor(
+            [
+                min(max(label.function.middle(label.parameters), other.low), other.high)
+                for other, label in zip(others, labels, strict=True)
+            ]
+        )
+        names = {other.name: label.name for other, label in zip(others, labels, strict=True)}
+        stretches += _stretches(x, held, greedy, names)
+    return stretches
+
+
+def _stretches(
+    x: Tensor, held: Tensor, greedy: Callable[[Tensor], Tensor], names: Mapping[str, str]
+) -> list[Stretch]:
+    """Return the intervals of equal greedy action, with ends found by bisection between points.
+
+    Args:
+        x: rising numbers of the first state input, ``[points]``.
+        held: the other state inputs' numbers, ``[state inputs − 1]``.
+        greedy: as in :func:`distil`.
+        names: the stretches' ``others``.
+    """
+
+    def best(first: Tensor) -> Tensor:
+        return greedy(torch.cat([first.unsqueeze(-1), held.expand(len(first), -1)], dim=-1))
+
+    actions = best(x)
     changes = (actions[1:] != actions[:-1]).nonzero().flatten()
     low, high = x[changes].clone(), x[changes + 1].clone()
     before = actions[changes]
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
-        same = greedy(middle.unsqueeze(-1)) == before
+        same = best(middle) == before
         low, high = torch.where(same, middle, low), torch.where(same, high, middle)
     ends = [float(x[0]), *high.tolist(), float(x[-1])]
     values = [float(actions[0]), *actions[changes + 1].tolist()]
     return [
-        Stretch(start, end, value)
+        Stretch(start, end, value, names)
         for (start, end), value in zip(pairwise(ends), values, strict=True)
     ]

@@ -9,17 +9,16 @@ into the folder ``figures`` beside it.
 from pathlib import Path
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from fnnq_torchrl.agent.rules import RulesError
 from fnnq_torchrl.agent.rules.controller import Stretch
 from fnnq_torchrl.files.atomic import atomic_write
 from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
+from fnnq_torchrl.studies.rules.comparison import compare
 from fnnq_torchrl.studies.rules.job import BEST, Job, choose
 from fnnq_torchrl.studies.rules.pictures import surface
 from fnnq_torchrl.studies.rules.reading import read_run
-from fnnq_torchrl.studies.rules.replay import distilled, greedy, replay
 from fnnq_torchrl.studies.statistics import bootstrap_interval, paired_difference
 from fnnq_torchrl.training.pictures.style import save
 
@@ -64,31 +63,34 @@ def faithfulness(job: Job) -> str:
     best = job.config.best_score
     if best is None:
         raise RulesError(f"{job.directory}: its test doesn't count successes")
-    if job.learns_labels:
-        raise RulesError(f"{job.directory}: each run has learned its own labels")
-    controllers = [job.rules(weights).controller() for weights in job.weights]
-    system = controllers[0].distilled
-    numbers = torch.stack([controller.distilled.consequents for controller in controllers])
-    full = replay(job, job.seeds, job.weights, lambda each: greedy(job, each))
-    short = replay(job, job.seeds, numbers, lambda each: distilled(job, system, each))
-    scores: list[Numbers] = [each.successes.double().numpy() for each in (full, short)]
+    compared = compare(job)
+    controllers, inputs = compared.controllers, compared.controllers[0].distilled.inputs
+    scores: list[Numbers] = [
+        each.successes.double().numpy() for each in (compared.learned, compared.distilled)
+    ]
     difference = paired_difference(scores[1], scores[0]).mean
     means = np.array([controller.mean_difference for controller in controllers])
     largest = np.array([controller.largest_difference for controller in controllers])
-    switches = np.array([_sides(controller.stretches) for controller in controllers])
     rows = [
         [words, interval_words(bootstrap_interval(np.mean, score)), f"{(score == best).mean():.0%}"]
         for words, score in zip(("best action", "distilled controller"), scores, strict=True)
     ]
-    one = (switches == 1).mean()
+    changes = ""
+    if len(inputs) == 1:
+        switches = np.array([_sides(controller.stretches) for controller in controllers])
+        changes = (
+            f" For {(switches == 1).mean():.0%} of the seeds, the best action changes its sign "
+            "exactly once over that range."
+        )
+    ranges = "range" if len(inputs) == 1 else "ranges"
     return (
         f"Over {len(job.seeds):,} seeds, in the test after learning:\n\n"
         + table(["", f"successes of {best}", f"seeds with {best} of {best}"], rows)
         + "\nThe distilled controller minus the best action, seed by seed: "
         f"{interval_words(difference, signed=True)} successes. "
-        f"Over the range of the bearing, the two actions differ by {means.mean():.2f} on average "
-        f"and by at most {largest.mean():.2f} (means over the seeds). For {one:.0%} of the seeds, "
-        "the best action changes its sign exactly once over that range.\n"
+        f"Over the {ranges} of the {' and the '.join(each.name for each in inputs)}, the two "
+        f"actions differ by {means.mean():.2f} on average and by at most {largest.mean():.2f} "
+        f"(means over the seeds).{changes}\n"
     )
 
 

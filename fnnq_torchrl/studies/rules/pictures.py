@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from envs.pictures import Axes, Circle, Figure, own_style
-from envs.robot.scene import SceneConfig
-from envs.robot.schemas import FollowBallConfig
-from fnnq_torchrl.agent.rules import Explanation, Variable
+from envs.pictures import Axes, Figure, own_style
+from envs.robot.arena import Arena
+from envs.robot.drawing import draw, in_view, shot_of
+from envs.robot.follow import FollowBall
+from fnnq_torchrl.agent.rules import Explanation, RuleBase, Variable
 from fnnq_torchrl.studies.rules.job import Chosen, Job
 from fnnq_torchrl.studies.rules.reading import HARDLY, Reading
 from fnnq_torchrl.training.pictures.style import GREY, LINES, new_figure, quiet_grid, save
@@ -131,35 +131,54 @@ def surface(reading: Reading) -> Figure:
 
 
 def consequents(job: Job, chosen: Chosen, snapshots: Snapshots) -> Figure:
-    """Draw the consequents of the chosen run, or their mean over all runs, while it learned."""
+    """Draw the consequents of the chosen run, or their mean over all runs, while it learned.
+
+    Of many combinations of state labels, those whose consequents changed most have lines.
+    """
     action = chosen.rules.action
     columns, rows = len(action.labels), len(chosen.parts)
+    most = max(part.consequents[..., 0].numel() for part in chosen.parts)
     caption = "a panel for each action label, a line for each combination of state labels"
+    if most > _MOST_LINES:
+        caption += f": the {_MOST_LINES} whose consequents changed most"
     title = f"Consequents while learning, {chosen.words}"
-    figure = new_figure(3 * columns, 0.6 + 3 * rows, title, caption)
-    every = figure.subplots(rows, columns, sharex=True, sharey="row", squeeze=False)
-    for panels, rules, name in zip(every, chosen.parts, job.names, strict=True):
+    long = max(len(name) for part in chosen.parts for name in _premises_of_states(part)) > 40
+    figure = new_figure(3 * columns, 0.6 + (4.2 if long else 3) * rows, title, caption)
+    bands = figure.subfigures(rows, 1, squeeze=False)[:, 0]
+    for band, rules, name in zip(bands, chosen.parts, job.names, strict=True):
         weight = snapshots.weights[name]
         if chosen.spread:
             history = weight.double().mean(1)
         else:
             history = weight[:, snapshots.seed.tolist().index(chosen.seed)].double()
-        of_states = history.reshape(len(history), -1, columns).numpy()
-        names = [rules.premise(labels[:-1]) for labels, _ in rules.rules()][::columns]
+        of_states = history.reshape(len(history), -1, columns)
+        change = (of_states[-1] - of_states[0]).abs().sum(-1)
+        # In the order of the rules
+        shown = sorted(change.argsort(descending=True, stable=True)[:_MOST_LINES].tolist())
+        panels = band.subplots(1, columns, sharex=True, sharey=True, squeeze=False)[0]
         for column, axes in enumerate(panels):
-            for place, (colour, style) in zip(range(of_states.shape[1]), LINES, strict=False):
-                lines = of_states[:, place, column]
+            for place, (colour, style) in zip(shown, LINES, strict=False):
+                lines = of_states[:, place, column].numpy()
                 axes.plot(snapshots.situations.numpy(), lines, color=colour, linestyle=style)
             axes.set_title(f"{action.name} is {action.labels[column].name}", fontsize=9)
+            axes.set_xlabel("learning situations")
             quiet_grid(axes)
         panels[0].set_ylabel("consequent")
-        shown = names[: len(panels[0].lines)]
-        panels[-1].legend(
-            panels[-1].lines, shown, fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5)
+        names = _premises_of_states(rules)
+        where = "upper center" if long else "right center"
+        band.legend(
+            panels[0].lines,
+            [names[place] for place in shown],
+            fontsize=7,
+            loc=f"outside {where}",
         )
-    for axes in every[-1]:
-        axes.set_xlabel("learning situations")
     return figure
+
+
+def _premises_of_states(rules: RuleBase) -> list[str]:
+    """Return the premise of each combination of state labels, without the action's label."""
+    columns = len(rules.action.labels)
+    return [rules.premise(labels[:-1]) for labels, _ in rules.rules()][::columns]
 
 
 def episode(reading: Reading, situation: int) -> Figure:
@@ -188,7 +207,7 @@ def episode(reading: Reading, situation: int) -> Figure:
         f"the {_MOST_LINES} rules that fired most; the TD error is r + γ max Q(s′, ·) − Q(s, a)",
     )
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.6))[0]
-    _path(left.add_subplot(), before, after, reading)
+    _path(left.add_subplot(), reading, situation)
     strengths, errors = right.subplots(2, sharex=True, height_ratios=(2, 1))
     names = [part.premise(labels) for part in parts for labels, _ in part.rules()]
     order = firing.sum(0).argsort(descending=True)[:_MOST_LINES].tolist()
@@ -214,42 +233,24 @@ def _td_error(reading: Reading, points: Tensor, after: TensorDictBase) -> Tensor
     return after["reward"].squeeze(-1).double() + gamma * ahead - rules.evaluate(points)
 
 
-def _path(axes: Axes, before: TensorDictBase, after: TensorDictBase, reading: Reading) -> None:
-    """Draw the paths of the robot and the balls; in a world without them, the observations."""
-    world = reading.job.config.env
-    if not isinstance(world, FollowBallConfig | SceneConfig):
-        for name, (colour, style) in zip(reading.played.names, LINES, strict=False):
-            axes.plot(before[name].squeeze(-1).numpy(), color=colour, linestyle=style, label=name)
-        axes.legend(fontsize=7)
-        axes.set_xlabel("step")
-        return quiet_grid(axes)
-    robot = torch.cat([after["x_m"], after["y_m"]], dim=-1).T.numpy()
-    axes.plot(*robot, color=LINES[0][0], label="robot")
-    axes.plot([0], [0], "o", color=LINES[0][0])
-    for number, ball in enumerate(_balls(after, world)):
-        # An underscore keeps the other balls out of the legend.
-        axes.plot(*ball, color=LINES[1][0], label="_ball" if number else "ball")
-        axes.plot(*ball[:, -1:], "o", color=LINES[1][0])
-    if "disc_x_m" in after.keys():  # noqa: SIM118, a TensorDict has no other test
-        discs = (after[f"disc_{key}"][0].tolist() for key in ("x_m", "y_m", "radius_m"))
-        for x_m, y_m, radius_m in zip(*discs, strict=True):
-            axes.add_patch(Circle((x_m, y_m), radius_m, color="0.65"))
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
+def _path(axes: Axes, reading: Reading, situation: int) -> None:
+    """Draw the robot's world at the situation's end, with the paths so far.
+
+    In a world without a robot, draw the observations instead.
+    """
+    played = reading.played
+    counts = played.counts[:, 0, situation]
+    if isinstance(played.env, FollowBall | Arena):
+        after = played.after[:, 0, situation][counts]
+        shots = [shot_of(played.env, played.starts[0, situation].unsqueeze(0))]
+        shots += [shot_of(played.env, after, step) for step in range(len(after))]
+        return draw(axes, in_view(shots))
+    before = played.before[:, 0, situation][counts]
+    for name, (colour, style) in zip(played.names, LINES, strict=False):
+        axes.plot(before[name].squeeze(-1).numpy(), color=colour, linestyle=style, label=name)
     axes.legend(fontsize=7)
+    axes.set_xlabel("step")
     return quiet_grid(axes)
-
-
-def _balls(
-    after: TensorDictBase, world: FollowBallConfig | SceneConfig
-) -> Iterator[NDArray[np.floating]]:
-    """Yield the path of each ball, x and y in m, ``[2, steps]``."""
-    if isinstance(world, FollowBallConfig):
-        angle = after["ball_angle_rad"].squeeze(-1)
-        yield world.circle_radius_m * torch.stack([angle.cos(), angle.sin()]).numpy()
-    elif world.ball_entries:
-        yield from torch.stack([after["ball_x_m"], after["ball_y_m"]]).movedim(-1, 0).numpy()
 
 
 def _never_fired(reading: Reading) -> Iterator[str]:

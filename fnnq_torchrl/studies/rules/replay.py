@@ -11,6 +11,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
+from envs.core.pure import PureEnv
 from envs.worlds import make_world
 from fnnq_torchrl.agent.learning_step import act
 from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
@@ -31,6 +32,8 @@ class Replay:
     """The replayed test of some runs, each situation from its start to its end.
 
     Attributes:
+        env: the world that was played in.
+        starts: the world's state before the first step, batch size ``[runs, situations]``.
         before: the observations before each step, and the action, batch size
             ``[steps, runs, situations]``.
         after: the world's state after each step, same batch size.
@@ -39,6 +42,8 @@ class Replay:
         names: the state inputs of the rules, in the rules' order.
     """
 
+    env: PureEnv
+    starts: TensorDict
     before: TensorDict
     after: TensorDict
     counts: Tensor
@@ -55,14 +60,19 @@ class Replay:
         rewards = torch.where(self.counts, self.after["reward"].squeeze(-1), 0)
         return rewards.sum(0).mean(-1)
 
-    def visited(self) -> tuple[Tensor, Tensor]:
+    def visited(self, run: int | None = None) -> tuple[Tensor, Tensor]:
         """Return the states and the actions of all steps that count.
+
+        Args:
+            run: the index of a run; all runs, if not given.
 
         Returns:
             The states ``[steps, state inputs]`` and the actions ``[steps]``, float64.
         """
-        states = torch.cat([self.before[name] for name in self.names], dim=-1)[self.counts]
-        return states.double(), self.before["action"].squeeze(-1)[self.counts].double()
+        runs = slice(None) if run is None else slice(run, run + 1)
+        before, counts = self.before[:, runs], self.counts[:, runs]
+        states = torch.cat([before[name] for name in self.names], dim=-1)[counts]
+        return states.double(), before["action"].squeeze(-1)[counts].double()
 
 
 def greedy(job: Job, weights: TensorDict) -> Choice:
@@ -118,6 +128,7 @@ def replay(
     starts = None if fixed is None else torch.tensor(fixed, dtype=like.dtype)[number]
     episode = FIRST_EPISODE + evaluation * tests + number
     state = env.start(seeds.repeat_interleave(tests).unsqueeze(-1), episode.unsqueeze(-1), starts)
+    first = state.clone()
     act_in = choice(weights[torch.arange(runs).repeat_interleave(tests)])
     goes_on = torch.ones(lanes, dtype=torch.bool)
     befores, afters, counts = [], [], []
@@ -133,6 +144,8 @@ def replay(
             break
     shape = (len(counts), runs, tests)
     return Replay(
+        env,
+        first.reshape(runs, tests),
         torch.stack(befores).reshape(shape),
         torch.stack(afters).reshape(shape),
         torch.stack(counts).reshape(shape),

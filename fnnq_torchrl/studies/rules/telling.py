@@ -4,9 +4,11 @@ import csv
 import io
 import json
 from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
+from math import prod
 from typing import Any
 
-from fnnq_torchrl.agent.rules import RuleBase, partition
+from fnnq_torchrl.agent.rules import Controller, RuleBase, partition
 from fnnq_torchrl.studies.reproduction.markdown import table
 from fnnq_torchrl.studies.rules.reading import HARDLY, Reading
 
@@ -27,26 +29,25 @@ def as_markdown(reading: Reading) -> str:
 def as_csv(reading: Reading) -> str:
     """Return the report as one CSV table, whose column ``what`` tells the kinds of rows apart.
 
-    ``rule``: a rule with its firing strength; ``best action``: a stretch of the state with the best
-    action there; ``switch``: a state at which it changes; ``distilled``: a rule of the distilled
-    controller.
+    ``rule``: a rule with its firing strength; ``best action``: a stretch of the first state input
+    with the best action there; ``switch``: a place where it changes; both with the labels at which
+    the other state inputs are held; ``distilled``: a rule of the distilled controller.
     """
     controller = reading.controller
+    first, name = reading.chosen.rules.states[0].name, controller.action.name
     rows = [{"what": "rule"} | row for row in _rows(reading)]
-    if controller.stretches:
-        [state] = reading.chosen.rules.states
-        rows += [
-            {
-                "what": "best action",
-                "from": each.low,
-                "to": each.high,
-                controller.action.name: each.action,
-                "word": controller.word(each.action),
-            }
-            for each in controller.stretches
-        ]
-        rows += [{"what": "switch", state.name: place} for place in controller.switches]
-    name = controller.action.name
+    rows += [
+        {
+            "what": "best action",
+            **each.others,
+            "from": each.low,
+            "to": each.high,
+            name: each.action,
+            "word": controller.word(each.action),
+        }
+        for each in controller.stretches
+    ]
+    rows += [{"what": "switch", **each.others, first: each.low} for each in controller.switches]
     rows += [
         {"what": "distilled"} | row | {"word": controller.word(row[name])}
         for row in controller.distilled.table()
@@ -69,7 +70,7 @@ def as_json(reading: Reading) -> str:
         "rules": _rows(reading),
         "controller": {
             "stretches": [vars(stretch) for stretch in controller.stretches],
-            "switches": controller.switches,
+            "switches": [stretch.low for stretch in controller.switches],
             "distilled": controller.distilled.table(),
             "largest_difference": controller.largest_difference,
             "mean_difference": controller.mean_difference,
@@ -175,22 +176,14 @@ def _sections_of_controller(
     reading: Reading, heading: str, grid: Callable[[Grid], str], item: str
 ) -> Iterator[str]:
     """Yield the sections about the best action and the distilled controller."""
-    controller, action = reading.controller, reading.controller.action
-    if controller.stretches:
-        [state] = reading.chosen.rules.states
-        yield heading.format("The controller: the best action")
-        rows = [
-            [
-                f"{each.low:+.3f}",
-                f"{each.high:+.3f}",
-                _number(each.action),
-                controller.word(each.action),
-            ]
-            for each in controller.stretches
-        ]
-        yield grid(([f"{state.name} from", "to", action.name, ""], rows))
-        places = ", ".join(f"{place:+.4f}" for place in controller.switches) or "none"
-        yield f"Switching points of {state.name}: {places}\n"
+    controller = reading.controller
+    yield heading.format("The controller: the best action")
+    if len(reading.chosen.rules.states) == 1:
+        yield grid(_stretches(controller, reading.chosen.rules.states[0].name))
+        places = ", ".join(f"{each.low:+.4f}" for each in controller.switches) or "none"
+        yield f"Switching points of {reading.chosen.rules.states[0].name}: {places}\n"
+    else:
+        yield from _slices(reading, item)
     yield heading.format("The distilled controller: one number for each state rule")
     for sentence in controller.sentences():
         yield item.format(sentence)
@@ -202,6 +195,44 @@ def _sections_of_controller(
         f"{reading.score_words.capitalize()}: {reading.full_score:g} by the best action, "
         f"{reading.distilled_score:g} by the distilled controller."
     )
+
+
+def _stretches(controller: Controller, state: str) -> Grid:
+    """Return a table of the best action over a single state input."""
+    rows = [
+        [
+            f"{each.low:+.3f}",
+            f"{each.high:+.3f}",
+            _number(each.action),
+            controller.word(each.action),
+        ]
+        for each in controller.stretches
+    ]
+    return [f"{state} from", "to", controller.action.name, ""], rows
+
+
+def _slices(reading: Reading, item: str) -> Iterator[str]:
+    """Yield lines on the best action over the first of several state inputs, in words.
+
+    There is a line for each combination of the other inputs' labels.
+    """
+    controller = reading.controller
+    first, *others = reading.chosen.rules.states
+    if not controller.stretches:
+        number = prod(len(other.labels) for other in others)
+        yield (
+            f"It isn't listed, since there would be {number:,} lines: one for each combination of "
+            f"the labels of {', '.join(other.name for other in others)}.\n"
+        )
+        return
+    yield f"{first.name} rises over its range; the other inputs stay at their labels' middles.\n"
+    for labels, along in groupby(controller.stretches, key=lambda each: each.others):
+        words = groupby(along, key=lambda each: controller.word(each.action))
+        begins = [(word, next(same).low) for word, same in words]
+        told = [begins[0][0], *(f"{word} from {low:+.3f}" for word, low in begins[1:])]
+        held = ", ".join(f"{name} {label}" for name, label in labels.items())
+        yield item.format(f"{held}: {', '.join(told)}")
+    yield ""
 
 
 def _learned_labels(reading: Reading) -> Grid:

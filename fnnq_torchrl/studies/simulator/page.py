@@ -5,10 +5,12 @@ from numpy.typing import NDArray
 
 from fnnq_torchrl.studies.experiments import Experiment, Job, NoResults
 from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
+from fnnq_torchrl.studies.rules.comparison import compare
+from fnnq_torchrl.studies.rules.job import read_job
 from fnnq_torchrl.studies.statistics import bootstrap_interval, paired_difference
 from fnnq_torchrl.training.results import CONFIDENCE, FINAL_EVALUATIONS, Evaluations
 
-from .rules import BALL, Advice, in_words, read_rules
+from .rules import BALL, PARTLY, Advice, Steps, by_distance, outcomes, read_rules
 
 _SONAR = "value.inputs.sonar_front_m"
 
@@ -47,16 +49,37 @@ drives at random. The score is the number of steps before a collision.
 {wander}
 ## The rules that it has learned
 
-The table shows the steering that the rules of `follow_obstacles` prefer (λ = {lam:g}): the action
-label with the highest consequent. Each sonar has two labels, near and far. Brackets have the share
-of the {runs} runs that agree.
+The learned rules give the value of every steering, and the robot takes the best one. The
+*distilled* controller of a run gives the steering itself: one number for each of {combinations}
+combinations of labels, fitted to the best action. [rules.md](rules.md) explains how.
+
+### Does the distilled controller do what the learned one does?
+
+Not quite. Both played the test after the last situation, with λ = {lam:g} and the same starts. Of
+{tests} situations, so many ended in
+
+{faithfulness}
+The distilled controller blends its rules by their firing strengths. The labels *near* and *far*
+overlap, and in between, the rules to avoid something and the rules to follow the ball often cancel
+out. The learned controller blends values instead, and the values of the rules for *near* differ
+more from action to action than those for *far*. So they decide even if they fire weakly, and the
+robot turns away in time. The figures agree with this: the distilled controller steers to the other
+side than the learned one in {partly} % of the steps in which something is partly near (the rules
+for *near* fire between {least:.0%} and {greatest:.0%}), but in {otherwise} % of the other steps.
+
+### What the distilled controllers say
+
+The table shows the action label that most of the {runs} distilled controllers name. Each sonar has
+two labels, near and far. Brackets have the share of the controllers that name this label. The last
+column has the steps of a run's test (of {steps:.0f}) in which these rules fire: the sum of their
+firing strengths.
 
 {rules}
-With two sides blocked, the rules say:
+If something is near on two sides, most of the distilled controllers say:
 
 {aloud}
-Runs agree in situations that are frequent. Two blocked sides are rare, and rules that hardly ever
-fire have learned little.
+The runs agree if something is near on one side: they turn away from it. They disagree if something
+is near on two sides. That is rare, and rules that hardly ever fire have learned little.
 
 ## What was tried
 
@@ -76,7 +99,7 @@ def write_page(experiment: Experiment) -> str:
 
     Raises:
         NoResults: if a job is missing.
-        OSError, ValueError: if the weights of a job can't be read.
+        OSError, ValueError: if the weights of a job can't be read, or aren't those of rules.
     """
     lam = max(experiment.values("lam"))
     hunt = experiment.where("env.kind", "follow_obstacles")
@@ -87,7 +110,9 @@ def write_page(experiment: Experiment) -> str:
         raise NoResults(f"{experiment.name} lacks λ = 0, λ = {lam:g} or the job without sonars")
     reference = with_sonar[lam]
     tests = reference.config.evaluation.tests
-    advice = read_rules(reference)
+    compared = compare(read_job(reference.directory))
+    advice, (partly, otherwise) = read_rules(compared), by_distance(compared)
+    learned, distilled = outcomes(compared.learned), outcomes(compared.distilled)
     steps, at_random = _after(wander[lam], "length"), _before(wander[lam], "length")
     return _PAGE.format(
         situations=reference.config.situations,
@@ -116,8 +141,29 @@ def write_page(experiment: Experiment) -> str:
             ["", "before learning", "after learning"],
             [_row(f"λ = {each:g}", wander[each], "length") for each in (lam, 0)],
         ),
+        combinations=compared.controllers[0].distilled.consequents.numel(),
+        faithfulness=table(
+            ["", "a catch", "a collision", "neither in time"],
+            [
+                ["learned controller", *map(_mean_words, learned)],
+                ["distilled controller", *map(_mean_words, distilled)],
+                [
+                    "difference, seed by seed",
+                    *(
+                        interval_words(paired_difference(ours, theirs).mean, signed=True)
+                        for ours, theirs in zip(distilled, learned, strict=True)
+                    ),
+                ],
+            ],
+        ),
+        partly=_percent(partly),
+        otherwise=_percent(otherwise),
+        least=PARTLY[0],
+        greatest=PARTLY[1],
+        steps=sum(each.steps for each in advice),
         rules=table(
-            ["near", *(f"ball {place}" for place in BALL)], [_rule_row(each) for each in advice]
+            ["near", *(f"ball {place}" for place in BALL), "steps"],
+            [_rule_row(each) for each in advice],
         ),
         aloud="".join(f"* {_aloud(each)}\n" for each in advice if len(each.near) == 2),
     )
@@ -159,8 +205,15 @@ def _ratio(
 
 
 def _row(words: str, job: Job, name: str) -> list[str]:
-    columns = _before(job, name), _after(job, name)
-    return [words, *(interval_words(bootstrap_interval(np.mean, each)) for each in columns)]
+    return [words, _mean_words(_before(job, name)), _mean_words(_after(job, name))]
+
+
+def _mean_words(numbers: NDArray[np.float64]) -> str:
+    return interval_words(bootstrap_interval(np.mean, numbers))
+
+
+def _percent(steps: Steps) -> str:
+    return interval_words(bootstrap_interval(_ratio, 100 * steps.opposite, steps.all))
 
 
 def _difference(job: Job, reference: Job, name: str) -> str:
@@ -174,17 +227,18 @@ def _difference(job: Job, reference: Job, name: str) -> str:
 
 def _rule_row(advice: Advice) -> list[str]:
     where = ", ".join(advice.near) or "nothing"
-    cells = [f"{in_words(dv)} ({share:.0%})" for dv, share in advice.steering.values()]
-    return [where, *cells]
+    cells = [f"{words} ({share:.0%})" for words, share in advice.steering.values()]
+    return [where, *cells, f"{advice.steps:.1f}"]
 
 
 def _aloud(advice: Advice) -> str:
     sides = {"front": "in front", "left": "on the left", "right": "on the right"}
     where = " and ".join(sides[side] for side in advice.near)
-    ahead, _ = advice.steering["ahead"]
-    left, _ = advice.steering["left"]
-    right, _ = advice.steering["right"]
+    ahead, left, right = (
+        f"{words} ({share:.0%})"
+        for words, share in (advice.steering[place] for place in ("ahead", "left", "right"))
+    )
     return (
-        f"If something is near, {where}: steer {in_words(ahead)} if the ball is ahead, "
-        f"{in_words(left)} if it is to the left, {in_words(right)} if it is to the right."
+        f"If something is near, {where}: steer {ahead} if the ball is ahead, {left} if it is to "
+        f"the left, {right} if it is to the right."
     )

@@ -1,65 +1,132 @@
-"""The steering that the rules of a job's runs prefer, according to their consequents."""
+"""The distilled controllers of a job's runs, and what they do in the test."""
 
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+import torch
+from numpy.typing import NDArray
 
-from fnnq_torchrl.config.values import LabelsConfig
-from fnnq_torchrl.studies.experiments import Job, NoResults
-from fnnq_torchrl.training.weights import load_checkpoint
+from fnnq_torchrl.studies.experiments import NoResults
+from fnnq_torchrl.studies.rules.comparison import Comparison
+from fnnq_torchrl.studies.rules.replay import Replay
 
 SIDES = "front", "left", "right"
 BALL = "far left", "left", "ahead", "right", "far right"
 """The places of the ball, one for each label of the bearing, from left to right."""
 
+PARTLY = 0.1, 0.9
+"""Something is partly near if the firing strengths of the rules about it add up to these shares."""
+
+Numbers = NDArray[np.float64]
+
 
 class Advice(NamedTuple):
-    """The steering that the rules prefer if something is near on some sides.
+    """The steering of the distilled controllers if something is near on some sides.
 
     Attributes:
         near: the sides on which something is near.
-        steering: for each place of the ball, (Δv, share): the centre of the action label that most
-            runs prefer, and the share of the runs that prefer it.
+        steering: for each place of the ball, the action label that most runs' controllers name, in
+            words, and the share of the runs that name it.
+        steps: the firing strengths of these rules, summed over the steps of a run's test; the mean
+            over the runs.
     """
 
     near: tuple[str, ...]
-    steering: dict[str, tuple[float, float]]
+    steering: dict[str, tuple[str, float]]
+    steps: float
 
 
-def read_rules(job: Job) -> list[Advice]:
-    """Return the steering that a job of `follow_obstacles` has learned, for each set of near sides.
+class Outcomes(NamedTuple):
+    """The ends of the test's situations, each ``[runs]``.
 
-    Among rules that differ only in the action label, a run prefers the one with the highest
-    consequent.
+    Attributes:
+        catches: the number of situations that end in a catch.
+        collisions: the number that end in a collision.
+        late: the number that reach the time limit.
+    """
+
+    catches: Numbers
+    collisions: Numbers
+    late: Numbers
+
+
+class Steps(NamedTuple):
+    """Steps of the learned controllers in the test, each ``[runs]``.
+
+    Attributes:
+        opposite: the number of steps in which the distilled controller steers to the other side.
+        all: the number of steps.
+    """
+
+    opposite: Numbers
+    all: Numbers
+
+
+def read_rules(compared: Comparison) -> list[Advice]:
+    """Return the steering of the distilled controllers, for each set of near sides.
 
     Raises:
-        NoResults: if the rules of the job have other inputs.
-        OSError, ValueError: if its weights can't be read.
+        NoResults: if the rules have other inputs than those of `follow_obstacles`.
     """
-    value = job.config.value
-    names = ["bearing", *(f"sonar_{side}_m" for side in SIDES)]
-    if not isinstance(value, LabelsConfig) or {*value.inputs} != {*names}:
-        raise NoResults(f"{job.directory}: its rules must have the inputs {', '.join(names)}")
-    weights = load_checkpoint(job.directory / "checkpoint.pt").weights["weight"].numpy()
-    order = [[*value.inputs].index(name) + 1 for name in names]
-    consequents = weights.transpose(0, *order, weights.ndim - 1)
-    best = consequents.argmax(-1)  # [runs, bearing, front, left, right]
+    controllers, order = compared.controllers, _order(compared)
+    first = controllers[0]
+    labels = {label.name: number for number, label in enumerate(first.action.labels)}
+    words = [
+        [labels[each.word(number)] for number in each.distilled.consequents.flatten().tolist()]
+        for each in controllers
+    ]
+    shape = first.distilled.consequents.shape
+    named = torch.tensor(words).reshape(-1, *shape).permute(0, *(axis + 1 for axis in order))
+    states, _ = compared.learned.visited()
+    fired = first.distilled.firing(states).sum(0).permute(order) / len(controllers)
     advice = []
     for far in product((0, 1), repeat=len(SIDES)):
         steering = {}
         for number, place in enumerate(BALL):
             # The labels of the bearing rise from the right to the left.
-            preferred = best[:, len(BALL) - 1 - number, *far]
-            counts = np.bincount(preferred, minlength=len(value.action))
-            label = int(counts.argmax())
-            steering[place] = value.action[label][0], float(counts[label] / len(preferred))
+            counts = named[:, len(BALL) - 1 - number, *far].bincount(minlength=len(labels))
+            name = [*labels][int(counts.argmax())].replace("_", " ")
+            steering[place] = name, float(counts.max() / len(controllers))
         near = tuple(side for side, is_far in zip(SIDES, far, strict=True) if not is_far)
-        advice.append(Advice(near, steering))
+        advice.append(Advice(near, steering, float(fired[:, *far].sum())))
     return sorted(advice, key=lambda each: len(each.near))
 
 
-def in_words(steering: float) -> str:
-    """Return Δv in words; a positive Δv turns right."""
-    side = "right" if steering > 0 else "left"
-    return f"hard {side}" if abs(steering) > 0.7 else side
+def outcomes(played: Replay) -> Outcomes:
+    """Return how the situations of a replayed test of `follow_obstacles` ended."""
+    caught = (played.after["success"].squeeze(-1) & played.counts).any(0)
+    rewards = played.after["reward"].squeeze(-1).masked_fill(~played.counts, 0).sum(0)
+    collided = ~caught & (rewards == played.env.world.collision_reward)
+    ends = caught, collided, ~caught & ~collided
+    return Outcomes(*(end.sum(-1).double().numpy() for end in ends))
+
+
+def by_distance(compared: Comparison) -> tuple[Steps, Steps]:
+    """Return the steps in which something is partly near, and the other steps."""
+    order = _order(compared)
+    counts = []
+    for run, controller in enumerate(compared.controllers):
+        states, actions = compared.learned.visited(run)
+        firing = controller.distilled.firing(states).permute(0, *(axis + 1 for axis in order))
+        near = 1 - firing[:, :, 1, 1, 1].sum(-1)
+        partly = (near > PARTLY[0]) & (near < PARTLY[1])
+        opposite = controller.distilled.evaluate(states) * actions < 0
+        counts.append(
+            [each.sum() for each in (opposite & partly, partly, opposite & ~partly, ~partly)]
+        )
+    partly_opposite, partly_all, else_opposite, else_all = np.array(counts, dtype=np.float64).T
+    return Steps(partly_opposite, partly_all), Steps(else_opposite, else_all)
+
+
+def _order(compared: Comparison) -> list[int]:
+    """Return the places of bearing and of the sonars of :data:`SIDES` among the rules' inputs.
+
+    Raises:
+        NoResults: if the rules have other inputs.
+    """
+    inputs = [variable.name for variable in compared.controllers[0].distilled.inputs]
+    names = ["bearing", *(f"sonar_{side}_m" for side in SIDES)]
+    if {*inputs} != {*names}:
+        raise NoResults(f"the rules must have the inputs {', '.join(names)}")
+    return [inputs.index(name) for name in names]

@@ -23,6 +23,7 @@ from fnnq_torchrl.config.loggers import WandbConfig
 from fnnq_torchrl.config.runs import Runs
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.training.jobs import Job
+from fnnq_torchrl.training.results import best_run
 from fnnq_torchrl.training.terminal import announce
 
 from .base import JobResults, Logger, Results, SweepResults
@@ -125,7 +126,10 @@ class WandbLogger(Logger):
             raise OSError(f"its process has ended with status {end.code}") from end
 
     def _log_run(self, job: JobResults, values: dict[str, list[float]], run: int) -> None:
-        """Log one run of a job; the first run gets the job's pictures and its video."""
+        """Log one run of a job.
+
+        The first run gets the job's pictures, and the best run the video, in which it drives.
+        """
         config = job.settings | {key: column[run] for key, column in values.items()}
         del config["num_seeds"]
         name = f"seed={config['seed']} lam={config['lam']:g}"
@@ -134,8 +138,10 @@ class WandbLogger(Logger):
             _log_rows(log, job.columns(run))
             for key in ("mean_score", "final_score"):
                 log.summary[key] = float(getattr(job.evaluations, key)[run])
-            if run == 0:
-                log.log(_images(job.pictures) | _video(job))
+            shown = _images(job.pictures) if run == 0 else {}
+            shown |= _video(job) if run == best_run(job.evaluations) else {}
+            if shown:
+                log.log(shown)
 
     def _log_whole(self, job: JobResults) -> None:
         """Log a job's learning curve with its interval, and a table of its runs."""

@@ -121,12 +121,43 @@ def test_the_controller_of_a_switch() -> None:
     controller = RuleBase(rules.inputs, "value", numbers).controller()
     assert [stretch.action for stretch in controller.stretches] == [1, -1]
     [switch] = controller.switches
-    at = torch.tensor([[switch - 1e-9], [switch + 1e-9]]).double()
+    at = torch.tensor([[switch.low - 1e-9], [switch.low + 1e-9]]).double()
     assert RuleBase(rules.inputs, "value", numbers).greedy(at).tolist() == [1, -1]
     assert controller.sentences()[0] == "if bearing is far_right then steer hard_right (+1.00)"
     assert controller.sentences()[-1] == "if bearing is far_left then steer hard_left (-1.00)"
     assert controller.distilled.consequents.abs().max() <= 1
     assert 0 < controller.mean_difference < controller.largest_difference <= 2
+
+
+def test_the_controller_of_two_inputs_is_told_for_each_label_of_the_second() -> None:
+    """If something is near, the best action is hard right, else as in the test before."""
+    bearing, steer = paper().inputs
+    labels = Label("near", "gaussian", (0.0, 0.1)), Label("far", "gaussian", (1.0, 0.1))
+    sonar = Variable("sonar_m", labels, 0.2, 5)
+    numbers = torch.zeros(5, 2, 4).double()
+    numbers[:3, :, 3], numbers[3:, 1, 0], numbers[3:, 0, 3] = 1, 1, 1
+    rules = RuleBase((bearing, sonar, steer), "value", numbers)
+    controller = rules.controller()
+    told = [(each.others, each.action) for each in controller.stretches]
+    near, far = {"sonar_m": "near"}, {"sonar_m": "far"}
+    assert told == [(near, 1), (far, 1), (far, -1)]
+    [switch] = controller.switches
+    at = torch.tensor([[switch.low - 1e-9, 1], [switch.low + 1e-9, 1]]).double()
+    assert rules.greedy(at).tolist() == [1, -1]
+    assert [(each.low, each.high) for each in controller.stretches[:2]] == [
+        (-1, 1),
+        (-1, switch.low),
+    ]
+
+
+def test_many_combinations_of_labels_are_not_told() -> None:
+    bearing, steer = paper().inputs
+    for labels, told in ((2, True), (3, False)):  # 50 and 75 combinations
+        last = Variable("x4", bearing.labels[:labels], -1, 1)
+        others = Variable("x2", bearing.labels, -1, 1), Variable("x3", bearing.labels, -1, 1), last
+        numbers = torch.zeros(2, 5, 5, labels, 4).double()
+        controller = RuleBase((ramp("x1"), *others, steer), "value", numbers).controller()
+        assert (controller.stretches != []) == told
 
 
 def test_a_policy_that_rules_can_say_is_distilled_exactly() -> None:

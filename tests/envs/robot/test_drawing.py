@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from matplotlib import rc_context
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from torchrl.envs import TransformedEnv, check_env_specs
 
 from envs.robot import drawing
-from envs.robot.drawing import Canvas, Shot, shot_of
+from envs.robot.drawing import Canvas, Shot, draw, in_view, shot_of
 from envs.robot.pixels import Pixels
 from envs.worlds import make_world
 from fnnq_torchrl.launch.composition import load_config
@@ -61,6 +62,24 @@ def test_every_world_of_the_robot_has_a_picture(task):
     image = Canvas(2, 120, ["one", "other"]).draw([[shot], [shot, shot]])
     assert image.dtype == np.uint8
     assert image.shape[1:] == (240, 3)
+
+
+def test_an_open_plane_is_shown_as_far_as_the_robot_drives():
+    there = replace(SHOT, walls=False, pose=(-5.0, 1.0, 0.0))
+    film = [replace(SHOT, walls=False), there]
+    assert {shot.half_size_m for shot in in_view(film)} == {(5.4, 5.4)}
+    walled = [SHOT, replace(SHOT, pose=(2.9, 0.0, 0.0))]
+    assert in_view(walled) == walled
+
+
+def test_a_bar_shows_the_scale():
+    for half_m, length_m in ((3.0, 1.0), (0.9, 0.1), (25.0, 10.0)):
+        axes = Figure().subplots()
+        draw(axes, [replace(SHOT, half_size_m=(half_m, half_m))])
+        [words] = [text.get_text() for text in axes.texts]
+        assert words == f"{length_m:g} m"
+        spans = [float(np.ptp(line.get_xdata())) for line in axes.lines]
+        assert length_m in [round(span, 9) for span in spans]
 
 
 def test_the_same_state_has_the_same_picture():

@@ -1,12 +1,20 @@
 """Impossible worlds are refused in one line, before torch is loaded."""
 
+import re
 import subprocess
 import sys
+from math import hypot
+from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from envs.core.parameters import ConfigError
+from envs.robot.scene import BoxConfig, DiscConfig, _gap_to_disc, _reaches
 from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training import job
+from tests.commands import fnnq_train
 
 DISC = "{shape: disc, number: 1, centre_m: [-1, 1], radius_m: 0.3}"
 BOX = "{shape: box, number: 1, centre_m: [-1, 1.2], size_m: [0.4, 0.4], heading_rad: 0.3}"
@@ -92,3 +100,51 @@ def test_all_that_without_torch():
         "load_config('task=wander'); sys.exit('torch' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+NUMBERS = st.floats(-2, 2)
+SIZES = st.floats(0.05, 3)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.tuples(NUMBERS, NUMBERS),
+    st.tuples(SIZES, SIZES, st.floats(-4, 4)) | SIZES,
+    st.tuples(NUMBERS, NUMBERS),
+    st.tuples(SIZES, SIZES) | st.just((0.0, 0.0)),
+    st.floats(0.01, 1),
+)
+def test_a_ball_is_refused_if_it_can_start_in_an_obstacle(centre, shape, corner, size, radius_m):
+    """The oracle tries a grid of places in the region where the ball starts."""
+    obstacle = (
+        DiscConfig("disc", 1, [*centre], shape)
+        if isinstance(shape, float)
+        else BoxConfig("box", 1, [*centre], [*shape[:2]], shape[2])
+    )
+    place = [
+        [low, low + length] if length else low for low, length in zip(corner, size, strict=True)
+    ]
+    steps = [i / 40 for i in range(41)]
+    tried = [
+        _gap_to_disc(obstacle, (corner[0] + size[0] * i, corner[1] + size[1] * j), 0.0)
+        for i in steps
+        for j in steps
+    ]
+    between_m = hypot(*size) / 80  # no place is farther from one of the grid
+    refused = _reaches(obstacle, place, radius_m)
+    assert refused or min(tried) >= radius_m
+    assert not refused or min(tried) <= radius_m + between_m + 1e-9
+
+
+def test_the_field_of_the_page_is_a_field(tmp_path, monkeypatch):
+    page = (Path(__file__).parents[3] / "docs" / "worlds.md").read_text(encoding="utf-8")
+    [field] = re.findall(r"```yaml\n(.*?obstacles:.*?)```", page, re.DOTALL)
+    (tmp_path / "env").mkdir()
+    (tmp_path / "env" / "hall.yaml").write_text(field, encoding="utf-8")
+    trained = []
+    monkeypatch.setattr(job, "run_job", lambda config, directory: trained.append(config) or 1.0)
+    words = ("task=follow_obstacles", "env=hall", f"hydra.run.dir={tmp_path / 'job'}")
+    assert fnnq_train("--config-dir", str(tmp_path), *words) == 0
+    [config] = trained
+    assert [each.shape for each in config.env.obstacle_entries] == ["box", "disc"]
+    assert config.env.sensors.sonar.beam_width_deg == 15
