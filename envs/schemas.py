@@ -5,6 +5,7 @@ from envs.classic.schemas import (
     CartPoleConfig,
     MountainCarConfig,
     RandomWalkConfig,
+    RingConfig,
 )
 from envs.core.world import WorldConfig
 from envs.from_gymnasium.schemas import GymnasiumConfig
@@ -24,5 +25,6 @@ SCHEMAS: dict[str, type[WorldConfig]] = {
     "gymnasium": GymnasiumConfig,
     "mountain_car": MountainCarConfig,
     "random_walk": RandomWalkConfig,
+    "ring": RingConfig,
     "wander": WanderConfig,
 }

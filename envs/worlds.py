@@ -6,6 +6,7 @@ from envs.classic.acrobot import Acrobot
 from envs.classic.cart_pole import CartPole
 from envs.classic.mountain_car import MountainCar
 from envs.classic.random_walk import RandomWalk
+from envs.classic.ring import Ring
 from envs.core.pure import PureEnv
 from envs.core.registry import class_of
 from envs.core.world import WorldConfig
@@ -24,6 +25,7 @@ WORLDS: dict[str, type[PureEnv]] = {
     "gymnasium": GymnasiumWorld,
     "mountain_car": MountainCar,
     "random_walk": RandomWalk,
+    "ring": Ring,
     "wander": Wander,
 }
 
