@@ -6,6 +6,7 @@ from envs.classic.schemas import (
     ChainConfig,
     MountainCarConfig,
     RandomWalkConfig,
+    RingConfig,
     TwoStatesConfig,
 )
 from envs.core.world import WorldConfig
@@ -27,6 +28,7 @@ SCHEMAS: dict[str, type[WorldConfig]] = {
     "gymnasium": GymnasiumConfig,
     "mountain_car": MountainCarConfig,
     "random_walk": RandomWalkConfig,
+    "ring": RingConfig,
     "two_states": TwoStatesConfig,
     "wander": WanderConfig,
 }

@@ -7,6 +7,7 @@ from envs.classic.cart_pole import CartPole
 from envs.classic.chain import Chain
 from envs.classic.mountain_car import MountainCar
 from envs.classic.random_walk import RandomWalk
+from envs.classic.ring import Ring
 from envs.classic.two_states import TwoStates
 from envs.core.pure import PureEnv
 from envs.core.registry import class_of
@@ -27,6 +28,7 @@ WORLDS: dict[str, type[PureEnv]] = {
     "gymnasium": GymnasiumWorld,
     "mountain_car": MountainCar,
     "random_walk": RandomWalk,
+    "ring": Ring,
     "two_states": TwoStates,
     "wander": Wander,
 }

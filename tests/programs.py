@@ -8,6 +8,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from envs.worlds import make_world
+from fnnq_torchrl.agent.adaptive import Adaptive
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.learning_step import Learner
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
@@ -56,6 +57,7 @@ def make_learner(
         evaluate_every=config.evaluation.every,
         largest_value=config.largest_value,
         scale_rewards=config.scale_rewards,
+        adaptive=Adaptive.of(config),
     )
 
 

@@ -1,7 +1,7 @@
 """The parameters of the classic worlds; ``conf/env/`` has the values."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 from typing import Any, ClassVar
 
@@ -260,3 +260,47 @@ class TwoStatesConfig(WorldConfig):
         """The lowest and the highest return."""
         most = self.noise * self.time_limit_steps
         return -most, most
+
+
+@dataclass
+class RingConfig(WorldConfig):
+    """The parameters of ``ring``, a world without end."""
+
+    states: int = whole(2)
+    far_reward: float = number()
+    switch_after_steps: int = whole(0)
+    switched_reward: float = number()
+    situation_steps: int = whole(1)
+
+    measure: ClassVar = "return"
+    action_name: ClassVar = "turn"
+
+    @property
+    def observations(self) -> Mapping[str, Range]:
+        """The number of the state."""
+        return {"state": (0.0, self.states - 1.0)}
+
+    @property
+    def actions(self) -> int:
+        """The number of actions: left, right."""
+        return 2
+
+    @property
+    def returns(self) -> Range:
+        """The lowest and the highest return of a situation."""
+        largest = max(1.0, abs(self.far_reward), abs(self.switched_reward))
+        return -largest * self.situation_steps, largest * self.situation_steps
+
+    @property
+    def fewest_steps(self) -> int:
+        """The steps of a situation."""
+        return self.situation_steps
+
+    @property
+    def steps_of_situation(self) -> int:
+        return self.situation_steps
+
+    @property
+    def tested(self) -> "RingConfig":
+        """The ring in tests, which end after the steps of a situation."""
+        return replace(self, time_limit_steps=self.situation_steps)

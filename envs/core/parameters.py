@@ -205,6 +205,21 @@ def words(**default: Any) -> Any:
     )
 
 
+def some_of(*choices: str, **default: Any) -> Any:
+    """Declare a field for a list of at least one of the given words, none twice."""
+    *others, last = choices
+    return _declare(
+        lambda value: (
+            isinstance(value, list)
+            and len(value) >= 1
+            and all(each in choices for each in value)
+            and len({*value}) == len(value)
+        ),
+        f"a list of at least one of {', '.join(others)} and {last}",
+        **default,
+    )
+
+
 def rising_pair(first: str, second: str) -> Any:
     """Declare a field for a pair of finite numbers, named in errors; the second is greater."""
     return _declare(

@@ -131,6 +131,14 @@ class PureEnv(EnvBase):
             limit.
         """
 
+    def best_mean(self, step: Tensor) -> Tensor | None:
+        """Return the best possible mean reward of a step in a world without end, else None.
+
+        Args:
+            step: the number of the step, from 1, int64 ``[*batch_size, 1]``.
+        """
+        return None
+
     def start(self, seed: Tensor, episode: Tensor, situations: Tensor | None = None) -> TensorDict:
         """Return the first state of an episode.
 

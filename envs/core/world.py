@@ -64,6 +64,11 @@ class WorldConfig(Parameters, ABC):
         return 1
 
     @property
+    def steps_of_situation(self) -> int | None:
+        """The steps that count as a situation in a world without end; None where episodes end."""
+        return None
+
+    @property
     def tested(self) -> "WorldConfig":
         """The configuration of the world in which evaluations play; by default this one."""
         return self

@@ -1,6 +1,6 @@
 """A learning step of a batch of runs, as a function from TensorDicts to TensorDicts."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -10,21 +10,32 @@ from torch import Tensor, nn
 from torch.func import functional_call
 
 from envs.core.pure import PureEnv
+from fnnq_torchrl.agent.adaptive import Adaptive
 from fnnq_torchrl.agent.gradient import gradient
 from fnnq_torchrl.agent.loss import Errors, PengQLambdaLoss
 from fnnq_torchrl.agent.policy import ExploringPolicy, make_policy
 from fnnq_torchrl.agent.update import Update, Weights
 from fnnq_torchrl.agent.values import ValueNetwork
+from fnnq_torchrl.agent.watch import Watch
 from fnnq_torchrl.equations.layout import over_batch, per_run, runs_first, runs_last
 from fnnq_torchrl.equations.normalisation import Moments, RewardScale
 from fnnq_torchrl.equations.q_lambda import Rule
 from fnnq_torchrl.equations.step_size import Direction, StepSize, decayed
 
 
+class _Rates(NamedTuple):
+    """The α and γ of a step, each ``[runs, 1]``, and the state of the scheme that changes them."""
+
+    alpha: Tensor
+    gamma: Tensor
+    adaptive: TensorDictBase | None
+
+
 class _Experience(NamedTuple):
-    """A step of the world, ``[runs]`` with ``"next"``, and the errors of Q in that step."""
+    """A step of the world, ``[runs]`` with ``"next"``, its α and γ, and the errors of Q in it."""
 
     transition: TensorDictBase
+    rates: _Rates
     errors: Errors
 
 
@@ -38,6 +49,7 @@ class _Agent(nn.Module):
     def forward(
         self,
         world: TensorDictBase,
+        rates_after: Callable[[TensorDictBase], _Rates],
         chosen: Tensor | None = None,
         reward_scale: TensorDictBase | None = None,
     ) -> _Experience:
@@ -45,6 +57,7 @@ class _Agent(nn.Module):
 
         Args:
             world: the state before the step, a TensorDict that is changed in place.
+            rates_after: returns α and γ of this step, from the entry ``"next"`` of the step.
             chosen: the action that was chosen before the last update, ``[runs, 1]``, ignored in the
                 first step of an episode. None: the policy chooses the action now.
             reward_scale: the state of the reward's scale, if it has one. In ``"next"`` there are
@@ -56,17 +69,19 @@ class _Agent(nn.Module):
                 acting["action"] = torch.where(world["step"] == 0, acting["action"], chosen)
             transition = self.env.step(acting)
             after = transition["next"]
+            rates = rates_after(after)
             after.update(self.loss.value_network.observed(after))
             if reward_scale is not None:
-                after.update(self._scaled(after, reward_scale))
+                after.update(self._scaled(after, reward_scale, rates.gamma))
             after.update(self._ahead(after))
-        return _Experience(transition, self.loss.errors(transition))
+        return _Experience(transition, rates, self.loss.errors(transition, rates.gamma))
 
-    def _scaled(self, after: TensorDictBase, before: TensorDictBase) -> dict[str, Any]:
+    def _scaled(
+        self, after: TensorDictBase, before: TensorDictBase, gamma: Tensor
+    ) -> dict[str, Any]:
         """Return the next state of the reward's scale, and the scaled reward."""
         reward, moments = after["reward"], Moments(*(before[key] for key in Moments._fields))
-        scale = RewardScale(before["trace"], moments)
-        scale = scale.with_reward(reward, self.loss.gamma, after["done"])
+        scale = RewardScale(before["trace"], moments).with_reward(reward, gamma, after["done"])
         kept = {"trace": scale.trace} | scale.moments._asdict()
         return {"reward_scale": kept, "scaled_reward": scale.scaled(reward)}
 
@@ -104,10 +119,13 @@ class Learner:
       ``situations`` and ``steps``, the numbers of situations and steps learned from so far;
       ``diverged``, whether |Q| has become too large, after which the run counts no more steps;
       ``over``, whether the run has ended; and ``snapshot``, the weights and counts at the time when
-      an evaluation was last due. With ``count_firing`` there is ``fired``, the rules' firing
-      strengths ∂Q(s, a)/∂w, summed over the steps that the run has learned from. With
-      ``count_earned``, both ``state`` and ``snapshot`` have ``earned``: the sum of rewards
-      (``return``) and the number of successes since the snapshot before.
+      an evaluation was last due, with the numbers that the evaluation tells as ``told``, among them
+      ``alpha``. Optional entries: ``fired`` (with ``count_firing``), the rules' firing strengths
+      ∂Q(s, a)/∂w, summed over the steps that the run has learned from; ``earned`` (with
+      ``count_earned``), the sum of rewards (``return``) and the number of successes since the
+      snapshot before; ``adaptive`` (with ``adaptive``), the state of the scheme; and ``watch``, if
+      the world states the best mean reward of a step: how close the run has come to it since the
+      snapshot before (:class:`.watch.Watch`).
 
     Args:
         env: the world, with the runs as its batch.
@@ -124,6 +142,7 @@ class Learner:
             consequents.
         count_earned: add up ``earned``, for learning without tests.
         scale_rewards: learn from scaled rewards; ``earned`` has the world's.
+        adaptive: the scheme that changes α, the temperature or γ, if any.
 
     Raises:
         ValueError: if there is no such policy.
@@ -143,6 +162,7 @@ class Learner:
         count_firing: bool = False,
         count_earned: bool = False,
         scale_rewards: bool = False,
+        adaptive: Adaptive | None = None,
     ) -> None:
         self.env = env
         self.policy = make_policy(exploration, value_network, 0.0)  # `step` sets the amount
@@ -156,34 +176,42 @@ class Learner:
         self._agent = _Agent(env, self.policy, self.loss)
         self._update = Update(self.loss, rule)
         self._count_firing, self._count_earned = count_firing, count_earned
+        self._adaptive, self._watch = adaptive, Watch.of(env)
         like = value_network.candidates
         self._learns = {name: mask.to(like) for name, mask in (learns or {}).items()}
         self.largest_value = min(largest_value, torch.finfo(value_network.candidates.dtype).max)
 
     def begin(self, run: TensorDictBase) -> TensorDict:
         """Return the state before the first step: the network's start weights and a zero trace."""
-        runs = run.batch_size
         network = self.loss.value_network
         start = network.start(run["seed"])
         weights = {name: _copy(weight) for name, weight in start.items()}
         zero = torch.zeros_like(run["seed"])  # cloned, because entries must not share memory
-        batch = {"batch_size": runs, "device": run.device}
-        counted = {"fired": torch.zeros_like(weights["weight"])} if self._count_firing else {}
+        batch = {"batch_size": run.batch_size, "device": run.device}
+        alpha = self.step_size.start(run["alpha"])
+        further = {"fired": torch.zeros_like(weights["weight"])} if self._count_firing else {}
         if self._chooses_ahead:
-            counted["action"] = torch.zeros_like(run["alpha"])
+            further["action"] = torch.zeros_like(run["alpha"])
+        if self._count_earned:
+            none = {"return": torch.zeros_like(run["alpha"]), "success": zero.clone()}
+            further["earned"] = TensorDict(none, **batch)
         if self._scales:
-            none = {key: torch.zeros_like(run["alpha"]) for key in ("trace", *Moments._fields)}
-            counted["reward_scale"] = TensorDict(none, **batch)
+            nothing = {key: torch.zeros_like(run["alpha"]) for key in ("trace", *Moments._fields)}
+            further["reward_scale"] = TensorDict(nothing, **batch)
+        if self._adaptive is not None:
+            further["adaptive"] = self._adaptive.start(run)
+        if self._watch is not None:
+            further["watch"] = self._watch.start(run)
+        told = {name: number.clone() for name, number in self._told(alpha, further).items()}
         world = self.env.start(run["seed"].clone(), zero.clone())
         learned, before = self._apart(weights)
         first = network.observed(world.copy().update(before))
-        earned = self._nothing_earned(run)
         return TensorDict(
             {
                 "world": world,
                 "weights": TensorDict(learned | first, **batch),
                 "trace": TensorDict(self._update.start(learned), **batch),
-                "alpha": self.step_size.start(run["alpha"]),
+                "alpha": alpha,
                 "situations": zero.clone(),
                 "steps": zero.clone(),
                 "diverged": torch.zeros_like(zero, dtype=torch.bool),
@@ -193,12 +221,11 @@ class Learner:
                         "weights": TensorDict({k: _copy(w) for k, w in weights.items()}, **batch),
                         "situations": zero.clone(),
                         "steps": zero.clone(),
-                        **self._nothing_earned(run),
+                        "told": TensorDict(told, **batch),
                     },
                     **batch,
                 ),
-                **counted,
-                **earned,
+                **further,
             },
             **batch,
         )
@@ -212,8 +239,8 @@ class Learner:
         (:class:`envs.core.world.WorldConfig`).
         """
         before, statistics = self._apart(state["weights"])
-        decay = run["gamma"] * run["lam"]
-        slope, (transition, errors) = self._experienced(run, before, statistics, state)
+        slope, (transition, rates, errors) = self._experienced(run, before, statistics, state)
+        decay = rates.gamma * run["lam"]
         after = transition["next"]
         of_all = self._slope_of_all(before, transition)
         direction, trace = self._update.update(
@@ -222,12 +249,12 @@ class Learner:
             slope,
             state["trace"],
             decay,
-            alpha=state["alpha"],
+            alpha=rates.alpha,
             of_all=of_all,
         )
         kappa = run.get("kappa", None)
         step, alpha = self.step_size.update(
-            per_run(state["alpha"]),
+            per_run(rates.alpha),
             None if kappa is None else per_run(kappa),
             Direction(
                 partial(
@@ -239,7 +266,7 @@ class Learner:
                     of_all=of_all,
                 ),
                 partial(self._update.largest_error, errors),
-                partial(self._error_slope, before, run["gamma"], slope, after),
+                partial(self._error_slope, before, rates.gamma, slope, after),
             ),
         )
         weights = {
@@ -247,11 +274,7 @@ class Learner:
             for name, weight in before.items()
         }
         alpha = decayed(alpha.unsqueeze(-1), run["alpha_decay"], after["success"])
-        counted = {"fired": self._fired(state, slope)} if self._count_firing else {}
-        if self._chooses_ahead:
-            counted["action"] = after["action"]
-        if self._scales:
-            counted["reward_scale"] = after["reward_scale"]
+        further = self._further(state, slope, after, rates.adaptive)
         world = self.env.restart(after)
         weights |= self._statistics_after(after, world)
         return TensorDict(
@@ -260,8 +283,7 @@ class Learner:
                 "weights": weights,
                 "trace": trace,
                 "alpha": alpha,
-                **self._counts(run, state, transition, weights),
-                **counted,
+                **self._counts(run, state, transition, weights, alpha, further),
             },
             batch_size=state.batch_size,
             device=state.device,
@@ -284,22 +306,62 @@ class Learner:
     def _chooses_ahead(self) -> bool:
         return self._update.rule.variant.bootstrap == "chosen"
 
+    def _further(
+        self,
+        state: TensorDictBase,
+        slope: Weights,
+        after: TensorDictBase,
+        adaptive: TensorDictBase | None,
+    ) -> dict[str, Any]:
+        """Return the state's optional entries after a step."""
+        further: dict[str, Any] = {}
+        if self._count_firing:
+            goes_on = over_batch(state["over"].logical_not(), like=state["fired"])
+            further["fired"] = state["fired"] + goes_on * slope["weight"]
+        if self._chooses_ahead:
+            further["action"] = after["action"]
+        if self._count_earned:
+            new = {"return": after["reward"], "success": after["success"].to(torch.int64)}
+            further["earned"] = {key: state["earned", key] + new[key] for key in new}
+        if self._scales:
+            further["reward_scale"] = after["reward_scale"]
+        if adaptive is not None:
+            further["adaptive"] = adaptive
+        if self._watch is not None:
+            further["watch"] = self._watch.update(state["watch"], after)
+        return further
+
     def _counts(
         self,
         run: TensorDictBase,
         state: TensorDictBase,
         transition: TensorDictBase,
         weights: Weights,
+        alpha: Tensor,
+        further: dict[str, Any],
     ) -> dict[str, Any]:
-        """Return the counts after a step, and the snapshot, replaced where an evaluation is due."""
+        """Return the counts after a step, and the snapshot, replaced where an evaluation is due.
+
+        Args:
+            run, state: the runs, and their state before the step.
+            transition: the step.
+            weights, alpha: those after the step.
+            further: the optional entries after the step. They are returned, too; what they sum up
+                from one evaluation to the next begins again.
+        """
         within = self._within(transition["action_value"])
         diverged = state["diverged"] | ~(within | state["over"])
         goes_on = ~diverged
-        situations = state["situations"] + (transition["next", "done"] & goes_on)
+        situations = state["situations"] + (self._ended(state, transition["next"]) & goes_on)
         steps = state["steps"] + goes_on
         snapshot = state["snapshot"]
         due = situations == snapshot["situations"] + self.evaluate_every
-        earned, earned_before = self._earned(state, transition["next"], due)
+        told = self._told(alpha, further)
+        if self._count_earned:
+            sums = further["earned"]
+            further["earned"] = {key: torch.where(due, 0, sum_) for key, sum_ in sums.items()}
+        if self._watch is not None:
+            further["watch"] = self._watch.renewed(further["watch"], due)
         return {
             "situations": situations,
             "steps": steps,
@@ -312,37 +374,29 @@ class Learner:
                 },
                 "situations": torch.where(due, situations, snapshot["situations"]),
                 "steps": torch.where(due, steps, snapshot["steps"]),
-                **earned_before,
+                "told": {
+                    name: torch.where(due, number, snapshot["told", name])
+                    for name, number in told.items()
+                },
             },
-            **earned,
+            **further,
         }
 
-    def _nothing_earned(self, run: TensorDictBase) -> dict[str, TensorDict]:
-        """Return ``earned`` before the first step; empty if it isn't counted."""
-        if not self._count_earned:
-            return {}
-        zeros = {"return": torch.zeros_like(run["alpha"]), "success": torch.zeros_like(run["seed"])}
-        return {"earned": TensorDict(zeros, run.batch_size, device=run.device)}
+    def _ended(self, state: TensorDictBase, after: TensorDictBase) -> Tensor:
+        """Return whether a situation has ended with a step, bool ``[runs, 1]``."""
+        of_situation = self.env.world.steps_of_situation
+        if of_situation is None:
+            return after["done"]
+        return after["step"] >= (state["situations"] + 1) * of_situation
 
-    def _earned(
-        self, state: TensorDictBase, after: TensorDictBase, due: Tensor
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return ``earned`` of the state and of the snapshot after a step; empty if not counted."""
-        if not self._count_earned:
-            return {}, {}
-        new = {"return": after["reward"], "success": after["success"].to(torch.int64)}
-        so_far = {key: state["earned", key] + new[key] for key in new}
-        kept = {
-            key: torch.where(due, sum_, state["snapshot", "earned", key])
-            for key, sum_ in so_far.items()
-        }
-        so_far = {key: torch.where(due, 0, sum_) for key, sum_ in so_far.items()}
-        return {"earned": so_far}, {"earned": kept}
-
-    def _fired(self, state: TensorDictBase, slope: Weights) -> Tensor:
-        """Return ``fired`` after a step; it doesn't change for a run that is over."""
-        goes_on = over_batch(state["over"].logical_not(), like=state["fired"])
-        return state["fired"] + goes_on * slope["weight"]
+    def _told(self, alpha: Tensor, further: Mapping[str, Any]) -> dict[str, Tensor]:
+        """Return the numbers that a snapshot has besides the weights and counts, ``[runs, 1]``."""
+        told = {"alpha": alpha, **further.get("earned", {})}
+        if self._adaptive is not None:
+            told |= self._adaptive.told(further["adaptive"])
+        if self._watch is not None:
+            told |= self._watch.told(further["watch"])
+        return told
 
     def _within(self, action_value: Tensor) -> Tensor:
         """Return where all |Q| are at most ``largest_value``, false for NaN, ``[runs, 1]``."""
@@ -360,9 +414,15 @@ class Learner:
         state: TensorDictBase,
     ) -> tuple[dict[str, Tensor], _Experience]:
         """Return each run's ∇Q(s, a), by autograd, and its step of the world with the errors."""
-        amount = self.policy.amount(run, state["steps"])
-        numbers = {f"policy.{self.policy.amount_name}": amount, "loss.gamma": run["gamma"]}
-        given = state["world"].copy(), state.get("action", None), state.get("reward_scale", None)
+        adaptive = state.get("adaptive", {})
+        name = self.policy.amount_name
+        amount = adaptive.get(name, None)
+        if amount is None:
+            amount = self.policy.amount(run, state["steps"])
+        numbers = {f"policy.{name}": amount}
+        rates = partial(self._rates, run, state)
+        ahead, scale = state.get("action", None), state.get("reward_scale", None)
+        given = state["world"].copy(), rates, ahead, scale
 
         def chosen_value(weights: dict[str, Tensor]) -> tuple[Tensor, _Experience]:
             # The policy has the same network as the loss, so these weights are replaced in both.
@@ -374,6 +434,16 @@ class Learner:
             return experience.errors.chosen_value, experience
 
         return gradient(chosen_value, weights)
+
+    def _rates(self, run: TensorDictBase, state: TensorDictBase, after: TensorDictBase) -> _Rates:
+        """Return α and γ of a step, which an adaptive scheme changes before the update."""
+        if self._adaptive is None:
+            return _Rates(state["alpha"], run["gamma"], None)
+        ended = self._ended(state, after)
+        changed, alpha = self._adaptive.update(
+            run, state["adaptive"], state["alpha"], after["reward"], ended, state["steps"]
+        )
+        return _Rates(alpha, changed.get("gamma", run["gamma"]), changed)
 
     def _slope_of_all(
         self, weights: dict[str, Tensor], transition: TensorDictBase

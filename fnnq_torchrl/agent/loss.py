@@ -127,8 +127,13 @@ class PengQLambdaLoss(LossModule):
             return mean.sum(-1, keepdim=True)
         return values(None).amax(-1, keepdim=True)
 
-    def errors(self, tensordict: TensorDictBase) -> Errors:
-        """Return the errors and values of a step; :meth:`forward` makes the loss from them."""
+    def errors(self, tensordict: TensorDictBase, gamma: Tensor | None = None) -> Errors:
+        """Return the errors and values of a step; :meth:`forward` makes the loss from them.
+
+        Args:
+            tensordict: the step, as in :meth:`forward`.
+            gamma: γ in this step, ``[runs, 1]``; by default the module's.
+        """
         keys, after = self.tensor_keys, tensordict["next"]
         values_in = self.value_network.values_in
         chosen_value = values_in(tensordict, tensordict[keys.action])
@@ -140,7 +145,7 @@ class PengQLambdaLoss(LossModule):
                 tensordict[keys.action_value].amax(-1, keepdim=True),
                 chosen_value,
                 next_value,
-                over_batch(self.gamma, like=chosen_value),
+                over_batch(self.gamma if gamma is None else gamma, like=chosen_value),
             )
         return Errors(td_error, chosen_td_error, chosen_value, next_value)
 

@@ -23,6 +23,7 @@ from envs.core.parameters import (
     or_null,
     parameters,
     rounded_misfits,
+    some_of,
     whole,
     whole_or_rows,
 )
@@ -33,7 +34,16 @@ from fnnq_torchrl.config.loggers import LoggerConfig
 from fnnq_torchrl.config.rules import RulesConfig
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
 from fnnq_torchrl.config.values import LabelsConfig, ValueConfig
-from fnnq_torchrl.equations.names import EXPLORATIONS, STEP_SIZES, TRACES, VARIANTS
+from fnnq_torchrl.equations.names import (
+    ADAPTIVE,
+    ADAPTIVE_PARAMETERS,
+    BETAS,
+    CLOCKS,
+    EXPLORATIONS,
+    STEP_SIZES,
+    TRACES,
+    VARIANTS,
+)
 
 __all__ = [
     "PER_RUN",
@@ -58,6 +68,10 @@ PER_RUN = (
     "epsilon_over",
     "temperature",
     "noise_std",
+    "adaptive_rate",
+    "adaptive_period",
+    "adaptive_short",
+    "adaptive_long",
 )
 """The keys whose values may differ from run to run within one batch; all others are shared."""
 
@@ -136,6 +150,16 @@ class Config(Parameters):
     epsilon_over: float = number(above=0, default=1.0)
     temperature: float = number(above=0)
     noise_std: float = number(0)
+    adaptive: str = one_of(*ADAPTIVE, default="none")  # defaults: of jobs from before these keys
+    adaptive_parameters: list[str] = some_of(
+        *ADAPTIVE_PARAMETERS, default_factory=lambda: [*ADAPTIVE_PARAMETERS]
+    )
+    adaptive_beta: str = one_of(*BETAS, default="exponential")
+    adaptive_clock: str = one_of(*CLOCKS, default="steps")
+    adaptive_rate: float = number(0, default=0.2)
+    adaptive_period: float = number(1, default=100.0)
+    adaptive_short: float = number(1, default=100.0)
+    adaptive_long: float = number(1, default=100.0)
     variant: str = one_of(*VARIANTS)
     trace: str = one_of(*TRACES)
     window: int = whole(1)
@@ -210,6 +234,7 @@ class Config(Parameters):
             yield OutOfRange("step_size", self.step_size, "decay or constant with trace=dutch")
         if self.trace == "dutch" and self.rules is not None and self.rules.frozen:
             yield OutOfRange("rules.frozen", self.rules.frozen, "[] with trace=dutch")
+        yield from self._misfits_of_the_adaptive()
         kind = self.value.kind
         if self.trace == "clearing" and kind not in ("table", "tiles") and not is_own(kind):
             yield OutOfRange("value.kind", kind, "table or tiles with trace=clearing")
@@ -219,6 +244,20 @@ class Config(Parameters):
         if self.exploration == "noise" and getattr(self.value, "outputs", "one") == "each":
             allowed = "epsilon_greedy or boltzmann with value.outputs=each"
             yield OutOfRange("exploration", self.exploration, allowed)
+
+    def _misfits_of_the_adaptive(self) -> Iterator[OutOfRange]:
+        """Yield an error for a parameter that the adaptive scheme can't change as it is."""
+        for key in self.adaptive_parameters if self.adaptive != "none" else ():
+            if_changed = f"with adaptive={self.adaptive} and {key} among adaptive_parameters"
+            if key == "temperature" and self.exploration != "boltzmann":
+                yield OutOfRange("exploration", self.exploration, f"boltzmann {if_changed}")
+            if key == "alpha" and self.step_size not in ("constant", "obgd"):
+                yield OutOfRange("step_size", self.step_size, f"constant or obgd {if_changed}")
+            if key == "alpha" and self.alpha_decay != 1:
+                yield OutOfRange("alpha_decay", self.alpha_decay, f"1 {if_changed}")
+            value = getattr(self, key)
+            if key != "temperature" and not 0 < value < 1:
+                yield OutOfRange(key, value, f"a number in (0, 1), without 0 and 1, {if_changed}")
 
     @property
     def _has_prior(self) -> bool:

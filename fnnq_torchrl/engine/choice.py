@@ -84,7 +84,10 @@ def choose_engine(config: Config, runs: int) -> Engine:
         return make_engine("eager", device, f"engine: eager, the only one for {config.env.kind}")
     if config.engine != "auto":
         return make_engine(config.engine, device, f"engine: {config.engine}, as asked for")
-    steps = int(config.situations * config.env.time_limit_steps * _MEAN_SITUATION)
+    of_situation = config.env.steps_of_situation
+    if of_situation is None:
+        of_situation = config.env.time_limit_steps * _MEAN_SITUATION
+    steps = int(config.situations * of_situation)
     about = f"about {steps:,} steps of {runs:,} run{'s' if runs > 1 else ''}"
     if steps < _WORTH_COMPILING[device.type]:
         return make_engine("eager", device, f"engine: eager, since {about} are not worth compiling")

@@ -1,4 +1,4 @@
-"""The names of the variants, traces, step sizes and explorations, without torch.
+"""The names of the variants, traces, step sizes, explorations and adaptive schemes, without torch.
 
 Each name has an entry in a registry: :data:`.q_lambda.VARIANTS`, :data:`.traces.TRACES`,
 :data:`.step_size.STEP_SIZES` and, with the policies, :data:`fnnq_torchrl.agent.policy.POLICIES`.
@@ -18,3 +18,15 @@ STEP_SIZES = ("decay", "constant", "obgd", "alpha_bound")
 
 EXPLORATIONS = {"epsilon_greedy": "epsilon", "boltzmann": "temperature", "noise": "noise_std"}
 """The names of the ways to explore, each with the configuration key of its amount."""
+
+ADAPTIVE = ("none", "doya")
+"""The schemes by which a run changes its own learning parameters."""
+
+ADAPTIVE_PARAMETERS = ("alpha", "temperature", "gamma")
+"""The parameters that such a scheme can change, by their keys in the configuration."""
+
+BETAS = ("exponential", "affine")
+"""The forms of the inverse temperature in :mod:`.meta_learning`."""
+
+CLOCKS = ("steps", "situations")
+"""The clocks of :mod:`.meta_learning`."""

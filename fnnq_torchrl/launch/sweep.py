@@ -20,6 +20,7 @@ from fnnq_torchrl.training.pictures.words import key_words, setting_words
 from fnnq_torchrl.training.results import (
     EVALUATION_COLUMNS,
     Summary,
+    evaluation_columns,
     read_evaluations,
     read_summary,
 )
@@ -208,7 +209,8 @@ def _write_evaluations(path: Path, done: Sequence[_Finished], keys: Sequence[str
             values = {**job.overrides, "job": job.number}
             behind = "," + _row([values.get(key, "") for key in further])
             with open(job.directory / "evaluations.csv", encoding="utf-8") as rows:
-                next(rows)  # skips the header
+                missing = len(EVALUATION_COLUMNS) - len(evaluation_columns(next(rows)))
+                behind = ",nan" * missing + behind
                 once = (row for row in rows if row.partition(",")[0] in seeds)
                 file.write("".join(row.rstrip("\n") + behind for row in once).encode())
 

@@ -35,6 +35,7 @@ from fnnq_torchrl.training.resume.interruptions import Interrupted, Interruption
 from fnnq_torchrl.training.resume.keeper import Hand, HandsKeeper
 from fnnq_torchrl.training.resume.saved import SavedTraining
 from fnnq_torchrl.training.score import Score
+from fnnq_torchrl.training.solved import SOLVED, is_watched, write_solved
 from fnnq_torchrl.training.start import with_imported_labels
 from fnnq_torchrl.training.terminal import Progress, announce, print_summary
 from fnnq_torchrl.training.trainer import Trainer
@@ -52,8 +53,9 @@ def run_job(config: Config, directory: Path) -> float:
 
     The files are written in this order: ``checkpoint.pt``, ``snapshots.pt`` (only with
     ``checkpoint.snapshots=true``), ``firing.csv`` (only with ``rules.count_firing=true``),
-    ``evaluations.csv``, ``summary.json``, ``learning_curve.png`` (unless drawing fails),
-    ``robot.gif`` (only with ``logger.video=true``, and unless drawing fails).
+    ``solved.csv`` (only in a world that states its best mean reward), ``evaluations.csv``,
+    ``summary.json``, ``learning_curve.png`` (unless drawing fails), ``robot.gif`` (only with
+    ``logger.video=true``, and unless drawing fails).
 
     Returns:
         The mean score over the runs, which is the job's objective.
@@ -179,6 +181,7 @@ def _run_batch(
         announce(batch.label + gaps)
     outcome = _train(batch, trainer, saved, interruptions)
     _announce_diverged(batch, outcome)
+    _announce_bounded(batch, trainer)
     bounds = accumulate((job.config.num_seeds for job in batch.jobs), initial=0)
     *others, last = zip(batch.jobs, pairwise(bounds), strict=True)
 
@@ -248,7 +251,14 @@ def _train(
 
 def _write(job: Job, outcome: Outcome, pages: TensorDictBase, fired: Tensor | None) -> float:
     directory, config = job.directory, job.config
-    for name in ("summary.json", SNAPSHOTS, FIRING, PICTURE, VIDEO):  # files of earlier runs
+    for name in (
+        "summary.json",
+        SNAPSHOTS,
+        FIRING,
+        SOLVED,
+        PICTURE,
+        VIDEO,
+    ):  # files of earlier runs
         (directory / name).unlink(missing_ok=True)
     settings = asdict(config)
     del settings["logger"]  # no weight depends on it; its library may be missing
@@ -259,6 +269,8 @@ def _write(job: Job, outcome: Outcome, pages: TensorDictBase, fired: Tensor | No
     if fired is not None:
         variables = partition(config.value, config.env)
         write_firing(directory / FIRING, outcome.seed.tolist(), fired, variables)
+    if is_watched(pages):
+        write_solved(directory / SOLVED, outcome.seed, outcome.situations, pages)
     write_evaluations(directory / "evaluations.csv", outcome)
     summary = summarise(outcome, Score.of(config).bounds)
     write_summary(directory / "summary.json", summary)
@@ -280,3 +292,14 @@ def _announce_diverged(batch: Batch, outcome: Outcome) -> None:
         f"{batch.label}diverged: {len(diverged):,} of {outcome.runs:,} runs (seed {named}); they "
         "stopped, and have the worst score from then on. A smaller alpha may help"
     )
+
+
+def _announce_bounded(batch: Batch, trainer: Trainer) -> None:
+    """Print a line with the number of runs whose adaptive parameters met their bounds, if any."""
+    bounded = trainer.bounded_runs
+    if bounded:
+        names = ", ".join(batch.config.adaptive_parameters)
+        announce(
+            f"{batch.label}bounded: in {bounded:,} of {batch.size:,} runs {names} came as close to "
+            "its limit as it may; they went on"
+        )

@@ -3,7 +3,7 @@
 import io
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from itertools import repeat
 from math import inf
 from pathlib import Path
@@ -24,9 +24,12 @@ FINAL_EVALUATIONS = 8
 _RUN, _EVALUATION = "runs", "evaluations"
 
 
-def _column(dtype: str, *axes: str, name: str | None = None) -> Any:
-    """Return a dataclass field for a column of evaluations.csv, by default of the field's name."""
-    return field(metadata={"dtype": np.dtype(dtype), "axes": axes, "name": name})
+def _column(dtype: str, *axes: str, name: str | None = None, **default: Any) -> Any:
+    """Return a dataclass field for a column of evaluations.csv, by default of the field's name.
+
+    A column with a default is missing in older files.
+    """
+    return field(metadata={"dtype": np.dtype(dtype), "axes": axes, "name": name}, **default)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +60,19 @@ class Evaluations:
     # Returns (sums of rewards) and lengths (in steps): means over the test's episodes.
     returns: NDArray[np.float64] = _column("f8", _RUN, _EVALUATION, name="return")
     lengths: NDArray[np.float64] = _column("f8", _RUN, _EVALUATION, name="length")
+    # Learning parameters at the time of the evaluation, NaN where there is none: the temperature of
+    # a run without Boltzmann exploration. By default all are NaN.
+    alpha: NDArray[np.float64] = _column("f8", _RUN, _EVALUATION, default=None)
+    temperature: NDArray[np.float64] = _column("f8", _RUN, _EVALUATION, default=None)
+    gamma: NDArray[np.float64] = _column("f8", _RUN, _EVALUATION, default=None)
     measure: str = "successes"
 
     def __post_init__(self) -> None:
         sizes = {_RUN: self.seed.size, _EVALUATION: self.situations.size}
+        for name in PARAMETERS:
+            if getattr(self, name) is None:
+                missing = np.full((self.seed.size, self.situations.size), np.nan)
+                object.__setattr__(self, name, missing)
         for name, item in _COLUMNS.items():
             array, dtype = getattr(self, item.name), item.metadata["dtype"]
             shape = tuple(sizes[axis] for axis in item.metadata["axes"])
@@ -150,6 +162,24 @@ _COLUMNS = {
 
 EVALUATION_COLUMNS = tuple(_COLUMNS)
 """The names of the columns of evaluations.csv."""
+
+PARAMETERS = tuple(name for name, item in _COLUMNS.items() if item.default is not MISSING)
+"""The columns of the learning parameters, which older files lack."""
+
+_OLDER_COLUMNS = EVALUATION_COLUMNS[: -len(PARAMETERS)]
+
+
+def evaluation_columns(header: str) -> tuple[str, ...]:
+    """Return the columns that an evaluations.csv has, by its first line, without unknown ones.
+
+    Raises:
+        ValueError: if it isn't the first line of such a file.
+    """
+    names = tuple(header.rstrip("\n").split(","))
+    for columns in (EVALUATION_COLUMNS, _OLDER_COLUMNS):
+        if names[: len(columns)] == columns:
+            return columns
+    raise ValueError(f"its first columns must be {','.join(_OLDER_COLUMNS)}")
 
 
 def best_first(scores: Sequence[NDArray[Any]], measure: str) -> list[int]:
@@ -334,17 +364,16 @@ def read_evaluations(path: Path, measure: str = "successes") -> Evaluations:
 
 def _parse_evaluations(text: str, measure: str) -> Evaluations:
     header, _, body = text.partition("\n")
-    if tuple(header.split(",")[: len(_COLUMNS)]) != EVALUATION_COLUMNS:
-        raise ValueError(f"its first columns must be {','.join(EVALUATION_COLUMNS)}")
+    columns = {name: _COLUMNS[name] for name in evaluation_columns(header)}
     if not body.strip():
         raise ValueError("it has no rows")
     if not body.endswith("\n"):
         raise ValueError("its last row is cut short")
     table = np.loadtxt(
         io.StringIO(body),
-        dtype=[(name, item.metadata["dtype"]) for name, item in _COLUMNS.items()],
+        dtype=[(name, item.metadata["dtype"]) for name, item in columns.items()],
         delimiter=",",
-        usecols=range(len(_COLUMNS)),
+        usecols=range(len(columns)),
         comments=None,
     )
 
@@ -354,7 +383,7 @@ def _parse_evaluations(text: str, measure: str) -> Evaluations:
         raise ValueError("a run lacks some of its evaluations")
     table = table.reshape(runs, -1)
     arrays = {}
-    for name, item in _COLUMNS.items():
+    for name, item in columns.items():
         column, axes = table[name], item.metadata["axes"]
         if axes == (_RUN,):
             if np.any(column != column[:, :1]):

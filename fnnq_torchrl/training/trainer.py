@@ -7,8 +7,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from tensordict import TensorDict
+from torch import Tensor
 
 from envs.worlds import make_world
+from fnnq_torchrl.agent.adaptive import Adaptive
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.learning_step import Learner
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
@@ -22,7 +24,7 @@ from fnnq_torchrl.equations.step_size import make_step_size
 from fnnq_torchrl.training.evaluation import GreedyTest, Playing
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.recipe import recipe
-from fnnq_torchrl.training.results import Outcome
+from fnnq_torchrl.training.results import PARAMETERS, Outcome
 from fnnq_torchrl.training.resume.ledger import Ledger
 from fnnq_torchrl.training.start import Start, imported, read_start
 
@@ -70,6 +72,7 @@ class Trainer:
         self.ledger = Ledger(
             runs,
             weights,
+            self._told_before_learning(),
             config.evaluation.every,
             evaluations,
             tests,
@@ -109,7 +112,14 @@ class Trainer:
             count_firing=config.counts_firing,
             count_earned=config.evaluation.tests == 0,
             scale_rewards=config.scale_rewards,
+            adaptive=Adaptive.of(config),
         )
+
+    def _told_before_learning(self) -> dict[str, Tensor]:
+        """Return the numbers that snapshots have, before learning, by name, each ``[runs, 1]``."""
+        of_one = self.make_learner(lanes=1).begin(self.run[:1])["snapshot", "told"]
+        runs = len(self.run)
+        return {name: self.run.get(name, one.expand(runs, 1)) for name, one in of_one.items()}
 
     @torch.no_grad()
     def learn(
@@ -203,6 +213,7 @@ class Trainer:
             diverged=diverged,
             returns=np.where(diverged, lowest, returns),
             lengths=np.where(diverged, world.time_limit_steps, lengths),
+            **self._parameters(),
             measure=world.measure,
             batch_runs=len(self._runs),
             batch_learning_steps=self.learning_steps,
@@ -210,6 +221,21 @@ class Trainer:
             compile_seconds=ledger.seconds["compile"],
             evaluate_seconds=ledger.seconds["evaluate"],
         )
+
+    def _parameters(self) -> dict[str, NDArray[np.float64]]:
+        """Return α, temperature and γ at each evaluation, each ``[runs, evaluations]``.
+
+        The temperature is NaN for runs that explore in another way.
+        """
+        pages, found = self.ledger.book.pages, {}
+        for key in PARAMETERS:
+            if key in pages.keys():  # noqa: SIM118  # a TensorDict iterates over its rows
+                found[key] = _shortest(pages[key].T.contiguous().cpu().numpy())
+            else:
+                used = key != "temperature" or self.config.exploration == "boltzmann"
+                column = self._runs[key] if used else np.full(len(self._runs), np.nan)
+                found[key] = np.repeat(column[:, np.newaxis], len(pages), axis=1)
+        return found
 
     def _tested(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
         """Return successes, returns and lengths of the tests, each ``[runs, evaluations]``."""
@@ -245,6 +271,17 @@ class Trainer:
         return int(self.ledger.book.pages["steps"][-1].sum())
 
     @property
+    def bounded_runs(self) -> int:
+        """The number of runs in which an adaptive parameter has met its bound."""
+        bounded = self.ledger.book.pages.get("bounded", None)
+        return 0 if bounded is None else int(bounded[-1].sum())
+
+    @property
     def weights(self) -> TensorDict:
         """The learned weights, by parameter name, each ``[runs, *weights]``."""
         return self.ledger.book.pages[-1]["weights"]
+
+
+def _shortest(numbers: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return each number as the float64 of its shortest decimal text: 0.4, not 0.4000000059…."""
+    return numbers.astype(str).astype(np.float64)

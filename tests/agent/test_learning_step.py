@@ -218,12 +218,13 @@ AMOUNTS = {"epsilon": 0.6, "temperature": 1.0, "noise_std": 1.0}
 def test_every_value_of_a_run_acts_on_that_run_alone(exploration: str) -> None:
     settings = config(f"exploration={exploration}")
     annealing = {"epsilon_final", "epsilon_over"}
-    assert CHANGES.keys() | AMOUNTS.keys() | {"kappa"} | annealing == set(PER_RUN)
+    adaptive = {key for key in PER_RUN if key.startswith("adaptive_")}
+    assert CHANGES.keys() | AMOUNTS.keys() | {"kappa"} | annealing | adaptive == set(PER_RUN)
     base = make_runs(settings, 12)
     changed = base.clone()
     amount = EXPLORATIONS[exploration]
-    for key in AMOUNTS.keys() - {amount} | {"kappa", "epsilon_over"}:
-        changed[key] += 0.1  # a value that this policy or step size doesn't use
+    for key in AMOUNTS.keys() - {amount} | {"kappa", "epsilon_over"} | adaptive:
+        changed[key] += 0.1  # a value that this policy, step size or scheme doesn't use
     for lane, (key, value) in enumerate((CHANGES | {amount: AMOUNTS[amount]}).items()):
         changed[key][lane] = value
     learner = make_learner(settings, base)

@@ -67,6 +67,14 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "epsilon_over": 1,
         "temperature": 0.01,
         "noise_std": 0.3,
+        "adaptive": "none",
+        "adaptive_parameters": ["alpha", "temperature", "gamma"],
+        "adaptive_beta": "exponential",
+        "adaptive_clock": "steps",
+        "adaptive_rate": 0.2,
+        "adaptive_period": 100,
+        "adaptive_short": 100,
+        "adaptive_long": 100,
         "variant": "peng",
         "trace": "output",
         "window": 10,
@@ -228,8 +236,8 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         (
             "env.kind=maze",
             "env.kind=maze: must be acrobot, cart_pole, chain, follow_ball, follow_obstacles, "
-            "follow_one_side, gymnasium, mountain_car, random_walk, two_states, wander or your own "
-            "module:Class",
+            "follow_one_side, gymnasium, mountain_car, random_walk, ring, two_states, wander or "
+            "your own module:Class",
         ),
         ("env.kind=nowhere:Maze", "env.kind=nowhere:Maze: No module named 'nowhere'"),
         (

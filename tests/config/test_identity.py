@@ -6,6 +6,9 @@ from fnnq_torchrl.config.identity import JobRuns, RunsSoFar
 from fnnq_torchrl.config.schema import PER_RUN
 from fnnq_torchrl.launch.composition import load_config
 
+FROM_ONE = ("seed", "kappa", "adaptive_period", "adaptive_short", "adaptive_long")
+"""Keys whose values must be at least 1, and the seed."""
+
 BASE = JobRuns.of(load_config("num_seeds=3"))
 
 
@@ -20,8 +23,9 @@ def test_the_same_configuration(override: str) -> None:
 @pytest.mark.parametrize(
     "override",
     [
-        *(f"{key}=0.12" for key in PER_RUN if key not in ("seed", "kappa")),
-        *("kappa=3", "trace=gradient", "situations=100", "env.speed_mps=0.2"),
+        *(f"{key}=0.12" for key in PER_RUN if key not in FROM_ONE),
+        *(f"{key}=3" for key in FROM_ONE if key != "seed"),
+        *("trace=gradient", "situations=100", "env.speed_mps=0.2"),
     ],
 )
 def test_another_configuration(override: str) -> None:

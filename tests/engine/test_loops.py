@@ -416,8 +416,9 @@ def batch(compiler: None) -> Compiled:
 def assert_learned_alike(compiled: Compiled, rtol: float, atol: float) -> None:
     state, expected = learn(compiled, STEPS), learn_eagerly(compiled, STEPS)
     assert state["situations"].min() >= 3  # ends and catches were among the steps
-    for key in ("situations", "steps", "alpha", "over"):
+    for key in ("situations", "steps", "over"):
         assert_close(state.select(key), expected.select(key))
+    torch.testing.assert_close(state["alpha"], expected["alpha"], rtol=max(rtol, 1e-7), atol=0)
     for key in ("weights", "trace", "snapshot"):
         for name, leaf in state[key].items(include_nested=True, leaves_only=True):
             torch.testing.assert_close(leaf, expected[key][name], rtol=rtol, atol=atol)
@@ -450,6 +451,33 @@ def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: s
     alone = in_lanes(stays[13:14])
     state = run(many[2], alone, make_learner(settings, alone).begin(alone), STEPS)
     assert not different(state[:1], learn(many, STEPS)[13:14])
+
+
+@pytest.mark.parametrize("clock", ["steps", "situations"])
+def test_it_learns_with_parameters_that_adapt_what_the_eager_engine_learns(clock: str) -> None:
+    """A run alone is that of the batch, in which every setting of the scheme differs."""
+    doya = ("adaptive=doya", "adaptive_beta=affine", f"adaptive_clock={clock}", "temperature=0.3")
+    settings = config(*doya, "alpha=0.3", "machine.dtype=float64")
+    among = torch.linspace(0, 1, RUNS)
+    stays = make_runs(
+        settings,
+        RUNS,
+        adaptive_rate=among,
+        adaptive_period=1 + (4 * among).round(),
+        adaptive_short=1 + 5 * among,
+        adaptive_long=6 - 5 * among,
+        alpha=0.2 + among / 2,
+        gamma=0.9 + among / 20,
+        temperature=0.1 + among,
+    )
+    many = compile_learning(settings, in_lanes(stays))
+    assert_learned_alike(many, 1e-9, 1e-11)
+    state, expected = learn(many, STEPS), learn_eagerly(many, STEPS)
+    assert_close(state["adaptive"], expected["adaptive"])
+    assert (state["adaptive", "level"].std(0) > 0).all()
+    alone = in_lanes(stays[13:14])
+    one = run(many[2], alone, make_learner(settings, alone).begin(alone), STEPS)
+    assert not different(one[:1], state[13:14])
 
 
 @pytest.mark.parametrize(
@@ -541,7 +569,7 @@ def test_neither_lanes_nor_workers_matter_to_runs_that_take_turns(batch: Compile
             columns = {key: stays[key][order].flatten() for key in PER_RUN}
             columns = {key: x if key == "seed" else x.double() for key, x in columns.items()}
             its_runs = Runs({key: x.numpy() for key, x in columns.items()})
-            ledger = Ledger(its_runs, blank, every, evaluations, tests=1)
+            ledger = Ledger(its_runs, blank, {}, every, evaluations, tests=1)
             task = Learning(learner, Counting(), stays[order], ledger, done.append)
             work_through(task, task.jobs, len(batch[0]), workers)
         return ledger.book.pages[:, order.argsort()]

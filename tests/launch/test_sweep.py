@@ -101,7 +101,7 @@ def test_every_swept_key_is_a_column(
     evaluations = rows(tmp_path / "evaluations.csv")
     assert list(evaluations[0]) == [
         *("seed", "lam", "situations", "steps", "catches"),
-        *("diverged", "return", "length", "job", "value.action"),
+        *("diverged", "return", "length", "alpha", "temperature", "gamma", "job", "value.action"),
     ]
     assert [row["catches"] for row in evaluations] == list("024135234")
     assert [row["value.action"] for row in evaluations] == [labels] * 3 + ["[[0,1]]"] * 6

@@ -112,9 +112,19 @@ def test_hydra_composes_once_for_jobs_that_differ_in_numbers(
     hydra.jobs(*[f"lam={lam} seed={seed}" for lam in (0, 0.4) for seed in range(50)])
     assert composed == [["lam=0", "seed=0"]]
     composed.clear()
-    numbers = [key for key in PER_RUN[1:] if key != "kappa"]
+    from_one = ["kappa", "adaptive_period", "adaptive_short", "adaptive_long"]
+    numbers = [key for key in PER_RUN[1:] if key not in from_one]
     hydra.jobs(
-        "=0.5 ".join([*numbers, "kappa=2.5 seed=1"]), "=0.25 ".join([*numbers, "kappa=3 seed=2"])
+        *(
+            " ".join(
+                [
+                    *(f"{key}={value}" for key in numbers),
+                    *(f"{key}={4 * value}" for key in from_one),
+                    f"seed={seed}",
+                ]
+            )
+            for seed, value in enumerate((0.5, 0.75))
+        )
     )
     assert len(composed) == 1
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from fnnq_torchrl.training.results import (
+    PARAMETERS,
     Evaluations,
     Outcome,
     read_evaluations,
@@ -26,6 +27,8 @@ TWO_RUNS = Outcome(
     diverged=np.array([[False, False, False], [False, False, True]]),
     returns=np.array([[-0.2, 0.1, 0.7], [-0.5, 1.0, -0.5]]),
     lengths=np.array([[120.0, 99.5, 60.2], [120.0, 50.0, 120.0]]),
+    alpha=np.array([[0.4, 0.396, 0.39], [0.4, 0.3, 0.2]]),
+    gamma=np.full((2, 3), 0.95),
     batch_runs=4,
     batch_learning_steps=2100,
     train_seconds=0.5,
@@ -33,13 +36,13 @@ TWO_RUNS = Outcome(
     evaluate_seconds=0.125,
 )
 TWO_RUNS_CSV = """\
-seed,lam,situations,steps,catches,diverged,return,length
-3,0.2,0,0,1,0,-0.2,120.0
-3,0.2,5,310,2,0,0.1,99.5
-3,0.2,10,600,4,0,0.7,60.2
-4,0.1,0,0,0,0,-0.5,120.0
-4,0.1,5,280,5,0,1.0,50.0
-4,0.1,10,450,5,1,-0.5,120.0
+seed,lam,situations,steps,catches,diverged,return,length,alpha,temperature,gamma
+3,0.2,0,0,1,0,-0.2,120.0,0.4,nan,0.95
+3,0.2,5,310,2,0,0.1,99.5,0.396,nan,0.95
+3,0.2,10,600,4,0,0.7,60.2,0.39,nan,0.95
+4,0.1,0,0,0,0,-0.5,120.0,0.4,nan,0.95
+4,0.1,5,280,5,0,1.0,50.0,0.3,nan,0.95
+4,0.1,10,450,5,1,-0.5,120.0,0.2,nan,0.95
 """
 SINGLE_RUN = TWO_RUNS.of(slice(0, 1))
 
@@ -60,6 +63,11 @@ def any_evaluations(draw: st.DrawFn) -> Evaluations:
         diverged=draw(hnp.arrays(np.bool_, (runs, evaluations))),
         returns=draw(hnp.arrays(np.float64, (runs, evaluations))),
         lengths=draw(hnp.arrays(np.float64, (runs, evaluations))),
+        **draw(
+            st.fixed_dictionaries(
+                {}, optional=dict.fromkeys(PARAMETERS, hnp.arrays(np.float64, (runs, evaluations)))
+            )
+        ),
     )
 
 
@@ -87,6 +95,15 @@ def test_further_columns_are_passed_over(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_evaluations(path).catches, TWO_RUNS.catches)
 
 
+def test_an_older_file_has_no_learning_parameters(tmp_path: Path) -> None:
+    path = tmp_path / "evaluations.csv"
+    rows = [row.rsplit(",", len(PARAMETERS))[0] for row in TWO_RUNS_CSV.splitlines()]
+    path.write_text("\n".join(rows) + "\n")
+    read = read_evaluations(path)
+    np.testing.assert_array_equal(read.returns, TWO_RUNS.returns)
+    assert all(np.isnan(getattr(read, name)).all() for name in PARAMETERS)
+
+
 def test_a_file_cut_anywhere_is_refused_unless_whole_runs_are_left(tmp_path: Path) -> None:
     path = tmp_path / "evaluations.csv"
     first_run = TWO_RUNS_CSV.index("4,0.1,0,0,0")
@@ -107,10 +124,10 @@ def test_a_file_cut_anywhere_is_refused_unless_whole_runs_are_left(tmp_path: Pat
         ("seed,lam", "lam,seed", "its first columns must be seed,lam,situations,steps,catches"),
         ("3,0.2,5,310,2", "9,0.2,5,310,2", "seed changes within a run"),
         ("3,0.2,5,310,2", "3,0.3,5,310,2", "lam changes within a run"),
-        ("3,0.2,5,310,2,0,0.1,99.5\n", "", "a run lacks"),
+        ("3,0.2,5,310,2,0,0.1,99.5,0.396,nan,0.95\n", "", "a run lacks"),
         ("4,0.1,5", "4,0.1,6", "not all evaluated after the same situations"),
         ("4,0.1,5", "4,0.1,10", "not all evaluated after the same situations"),
-        ("4,0.1,0,0,0,0,-0.5,120.0\n", "", "seed changes within a run"),
+        ("4,0.1,0,0,0,0,-0.5,120.0,0.4,nan,0.95\n", "", "seed changes within a run"),
         ("310,2", "310", "column"),
         ("310", "31x", "could not convert"),
         ("310", "3.5", "could not convert"),
@@ -171,6 +188,7 @@ def test_the_final_score_is_over_the_last_eight_evaluations() -> None:
         diverged=catches < 0,
         returns=catches * 1.0,
         lengths=catches * 1.0,
+        **dict.fromkeys(PARAMETERS, catches * 1.0),
     )
     assert outcome.final_score == [1.5]
     assert outcome.mean_score == [2.2]

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from fnnq_torchrl.config.schema import PER_RUN
 from fnnq_torchrl.training.intervals import mean_interval
 from fnnq_torchrl.training.jobs import VIDEO, Job
 from fnnq_torchrl.training.results import (
@@ -130,13 +129,17 @@ class JobResults(Results):
     def columns(self, run: int) -> dict[str, list[float]]:
         """Return the columns of evaluations.csv for one run, without its seed and its λ.
 
-        Flags are 0 and 1, since loggers draw curves of numbers only.
+        Flags are 0 and 1, since loggers draw curves of numbers only. A column without any number,
+        such as the temperature of runs that have none, is left out.
         """
         shape = self.evaluations.steps.shape
-        return {
-            name: (np.broadcast_to(self.evaluations.column(name), shape)[run] + 0).tolist()
+        columns = {
+            name: np.broadcast_to(self.evaluations.column(name), shape)[run] + 0
             for name in EVALUATION_COLUMNS
-            if name not in PER_RUN
+            if name not in ("seed", "lam")
+        }
+        return {
+            name: column.tolist() for name, column in columns.items() if not np.isnan(column).all()
         }
 
 

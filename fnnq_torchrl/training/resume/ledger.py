@@ -36,10 +36,11 @@ class Ledger:
     Args:
         runs: the values in which the runs differ.
         weights: the weights before learning, by name, each ``[runs, *weights]``.
+        told: the other numbers that the learner's snapshots have, as :class:`.SnapshotBook` takes
+            them.
         every: the number of situations from one evaluation to the next.
         evaluations: the number of evaluations, including the one before learning.
-        tests: the number of situations in each evaluation; if 0, what learning itself earns is
-            kept instead.
+        tests: the number of situations in each evaluation.
         count_firing: whether to keep ``fired``.
     """
 
@@ -47,6 +48,7 @@ class Ledger:
         self,
         runs: Runs,
         weights: Mapping[str, Tensor],
+        told: Mapping[str, Tensor],
         every: int,
         evaluations: int,
         tests: int,
@@ -54,7 +56,7 @@ class Ledger:
         count_firing: bool = False,
     ) -> None:
         self._bits = torch.from_numpy(runs.bits)
-        self.book = SnapshotBook(weights, every, evaluations, count_earned=tests == 0)
+        self.book = SnapshotBook(weights, told, every, evaluations)
         self.learned = torch.zeros(len(runs), dtype=torch.int64)
         self.diverged = torch.zeros(evaluations, len(runs), dtype=torch.bool)
         self.hands: Sequence[Hand] = ()

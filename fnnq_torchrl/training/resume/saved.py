@@ -17,7 +17,7 @@ from fnnq_torchrl.training.jobs import BATCHABLE, TRAINING
 from fnnq_torchrl.training.resume.keeper import Hand
 from fnnq_torchrl.training.resume.ledger import Ledger
 
-FORMAT = 3
+FORMAT = 4
 
 # Keys left out of the identity: no result depends on ASIDE, the values of BATCHABLE are compared
 # run by run, and the identity has the chosen engine instead of the key ``engine``.

@@ -1,4 +1,4 @@
-"""The weights of all runs at each evaluation."""
+"""The weights and other numbers of all runs at each evaluation."""
 
 from collections.abc import Mapping
 
@@ -14,26 +14,26 @@ class SnapshotBook:
 
     Attributes:
         pages: the snapshots, a page for each evaluation, batch size ``[evaluations, runs]``:
-            ``weights`` by name, ``steps``, int64, and, if earnings are counted, ``return`` and
-            ``success`` since the page before. The first page is that before learning.
+            ``weights`` by name, ``steps``, int64, and the numbers of ``told`` by name. The first
+            page is that before learning.
         collected: the index of the last page that each run has reached, int64 ``[runs]``.
         every: the number of situations from one evaluation to the next.
 
     Args:
         weights: the weights before learning, by name, each ``[runs, *weights]``.
+        told: the other numbers that the learner's snapshots have, such as ``alpha``: before
+            learning, by name, each ``[runs, 1]``.
         every: the number of situations from one evaluation to the next.
         evaluations: the number of evaluations, including the one before learning.
-        count_earned: whether to keep what the learner's snapshots have as ``earned``.
     """
 
     def __init__(
         self,
         weights: Mapping[str, Tensor],
+        told: Mapping[str, Tensor],
         every: int,
         evaluations: int,
-        *,
-        count_earned: bool = False,
-    ):
+    ) -> None:
         self.every = every
         self._last = evaluations - 1
         first = next(iter(weights.values()))
@@ -51,10 +51,9 @@ class SnapshotBook:
         )
         for name, weight in weights.items():
             self.pages["weights", name][0] = weight
-        self._earned = ("return", "success") if count_earned else ()
-        for key in self._earned:
-            dtype = torch.int64 if key == "success" else first.dtype
-            self.pages[key] = torch.zeros(shape, dtype=dtype, device=device)
+        self._told = [*told]
+        for name, number in told.items():
+            self.pages[name] = number.squeeze(-1).expand(shape).clone()
         self.collected = torch.zeros(runs, dtype=torch.int64)
 
     def close(self, runs: Tensor, steps: Tensor) -> None:
@@ -68,6 +67,8 @@ class SnapshotBook:
             last = int(self.collected[run])
             for weights in self.pages["weights"].values():
                 weights[last + 1 :, run] = weights[last, run]
+            for name in self._told:
+                self.pages[name][last + 1 :, run] = self.pages[name][last, run]
             self.pages["steps"][last + 1 :, run] = taken
 
     def collect(self, runs: Tensor, state: TensorDictBase) -> None:
@@ -97,6 +98,6 @@ class SnapshotBook:
             for name, weight in snapshot["weights"].items():
                 self.pages["weights", name][due, runs] = weight[lanes]
             self.pages["steps"][due, runs] = snapshot["steps"][lanes].squeeze(-1)
-            for key in self._earned:
-                self.pages[key][due, runs] = snapshot["earned", key][lanes].squeeze(-1)
+            for name in self._told:
+                self.pages[name][due, runs] = snapshot["told", name][lanes].squeeze(-1)
             self.collected[runs] = due

@@ -15,12 +15,15 @@ def test_every_page_has_the_weights_right_at_that_moment() -> None:
     run = make_runs(settings, RUNS, lam=torch.linspace(0, 1, RUNS))
     learner = make_learner(settings, run)
     state = learner.begin(run)
-    book = SnapshotBook(state["weights"], every=2, evaluations=EVALUATIONS)
+    book = SnapshotBook(
+        state["weights"], dict(state["snapshot", "told"].items()), every=2, evaluations=EVALUATIONS
+    )
     numbers = torch.randperm(RUNS, generator=torch.Generator().manual_seed(0))  # run of each lane
     chunk = 2 * learner.env.world.fewest_steps
 
     weights = {(0, i): state["weights", "weight"][i] for i in range(RUNS)}
     steps = {(0, i): 0 for i in range(RUNS)}
+    alphas = {(0, i): run["alpha"][i] for i in range(RUNS)}
     while state["situations"].min() < 8:  # runs go on after their last evaluation
         for _ in range(chunk):
             state = learner.step(run, state)
@@ -29,6 +32,7 @@ def test_every_page_has_the_weights_right_at_that_moment() -> None:
                 if situations % 2 == 0 and (situations // 2, i) not in weights:
                     weights[situations // 2, i] = state["weights", "weight"][i]
                     steps[situations // 2, i] = int(state["steps"][i])
+                    alphas[situations // 2, i] = state["alpha"][i]
         book.collect(numbers, state)
     assert book.pages.batch_size == (EVALUATIONS, RUNS)
     for page in range(EVALUATIONS):
@@ -36,6 +40,7 @@ def test_every_page_has_the_weights_right_at_that_moment() -> None:
             its = book.pages[page, numbers[i]]
             assert torch.equal(its["weights", "weight"], weights[page, i])
             assert its["steps"] == steps[page, i]
+            assert its["alpha"] == alphas[page, i]
 
 
 def state_at(situations: list[int], snapshot: list[float]) -> TensorDict:
@@ -77,7 +82,7 @@ def test_runs_that_take_turns_on_a_lane() -> None:
 
 def blank_book(runs: int) -> SnapshotBook:
     weights = state_at([0] * runs, [1] * runs)["snapshot", "weights"]
-    return SnapshotBook(weights, every=5, evaluations=3)
+    return SnapshotBook(weights, {}, every=5, evaluations=3)
 
 
 def assert_pages(book: SnapshotBook, numbers: list[list[float]]) -> None:

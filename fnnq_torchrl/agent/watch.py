@@ -1,0 +1,79 @@
+"""The record of how close a batch of runs comes to a world's best mean reward. Runs come first."""
+
+from typing import Self
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+
+from envs.core.pure import PureEnv
+from fnnq_torchrl.equations.layout import per_run
+from fnnq_torchrl.equations.reward_means import (
+    MEAN_STEPS,
+    Means,
+    Solution,
+    no_solution,
+    running_means,
+    watched,
+)
+
+TOLD = ("solved", "lowest", "later", "above")
+"""The entries of the record that an evaluation tells."""
+
+
+class Watch:
+    """The running means of the reward, and the record of a stage, as a TensorDict ``[runs]``.
+
+    The entries, each ``[runs, 1]``, are those of :class:`.Means` and :class:`.Solution`.
+
+    Args:
+        env: a world without end, which states the best mean reward.
+    """
+
+    def __init__(self, env: PureEnv) -> None:
+        self._env = env
+
+    @classmethod
+    def of(cls, env: PureEnv) -> Self | None:
+        """Return the watch of a world, or None if the world states no best mean reward."""
+        best = env.best_mean(torch.ones(*env.batch_size, 1, dtype=torch.int64, device=env.device))
+        return None if best is None else cls(env)
+
+    def start(self, run: TensorDictBase) -> TensorDict:
+        """Return the record before the first step."""
+        zero = torch.zeros_like(per_run(run["alpha"]))
+        return self._packed(Means(zero, zero.clone()), no_solution(zero), run)
+
+    def update(self, state: TensorDictBase, after: TensorDictBase) -> TensorDict:
+        """Return the record after a step, from the entry ``"next"`` of the step."""
+        means = Means(*(per_run(state[key]) for key in Means._fields))
+        means = running_means(means, per_run(after["reward"]), MEAN_STEPS, MEAN_STEPS)
+        solution = Solution(*(per_run(state[key]) for key in Solution._fields))
+        best = self._env.best_mean(after["step"])
+        assert best is not None
+        return self._packed(means, watched(solution, means.long / per_run(best)), state)
+
+    def renewed(self, state: TensorDictBase, due: Tensor) -> TensorDict:
+        """Return the record with a new stage begun where ``due``; the means go on."""
+        new = no_solution(per_run(state["long"]))
+        fresh = {key: value.unsqueeze(-1) for key, value in new._asdict().items()}
+        return TensorDict(
+            {
+                key: torch.where(due, fresh[key], value) if key in fresh else value
+                for key, value in state.items()
+            },
+            state.batch_size,
+            device=state.device,
+        )
+
+    def told(self, state: TensorDictBase) -> dict[str, Tensor]:
+        """Return the entries of the record that an evaluation tells, each ``[runs, 1]``."""
+        return {key: state[key] for key in TOLD}
+
+    def _packed(self, means: Means, solution: Solution, like: TensorDictBase) -> TensorDict:
+        entries = {**means._asdict(), **solution._asdict()}
+        return TensorDict(
+            {key: value.unsqueeze(-1) for key, value in entries.items()},
+            like.batch_size,
+            device=like.device,
+        )
