@@ -10,7 +10,7 @@ from fnnq_torchrl.config.schema import PER_RUN
 from fnnq_torchrl.engine import graphs
 from fnnq_torchrl.equations.names import EXPLORATIONS, TRACES, VARIANTS
 from fnnq_torchrl.equations.q_lambda import Rule
-from fnnq_torchrl.equations.step_size import make_step_size
+from fnnq_torchrl.equations.step_size import STEP_SIZES, make_step_size
 from tests.oracles.peng import peng_q_lambda
 from tests.oracles.q_lambdas import q_lambda
 from tests.oracles.random_mdp import ACTIONS, STATES, RandomMDP, Walk
@@ -218,11 +218,12 @@ AMOUNTS = {"epsilon": 0.6, "temperature": 1.0, "noise_std": 1.0}
 def test_every_value_of_a_run_acts_on_that_run_alone(exploration: str) -> None:
     settings = config(f"exploration={exploration}")
     annealing = {"epsilon_final", "epsilon_over"}
-    assert CHANGES.keys() | AMOUNTS.keys() | {"kappa"} | annealing == set(PER_RUN)
+    of_steps = {number for rule in STEP_SIZES.values() for number in rule.numbers}
+    assert CHANGES.keys() | AMOUNTS.keys() | of_steps | annealing == set(PER_RUN)
     base = make_runs(settings, 12)
     changed = base.clone()
     amount = EXPLORATIONS[exploration]
-    for key in AMOUNTS.keys() - {amount} | {"kappa", "epsilon_over"}:
+    for key in AMOUNTS.keys() - {amount} | of_steps | {"epsilon_over"}:
         changed[key] += 0.1  # a value that this policy or step size doesn't use
     for lane, (key, value) in enumerate((CHANGES | {amount: AMOUNTS[amount]}).items()):
         changed[key][lane] = value
