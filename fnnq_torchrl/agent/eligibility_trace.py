@@ -72,7 +72,7 @@ class EligibilityTrace:
         names = (keys.td_error, keys.chosen_td_error, keys.chosen_action_value, keys.next_value)
         errors = Errors(*(losses[key].view(runs, 1) for key in names))
         slopes = torch.autograd.grad(errors.chosen_value.sum(), [*weights.values()])
-        direction, self.trace = self._update.update(
+        step = self._update.step(
             batch.view(runs),
             errors,
             dict(zip(weights, slopes, strict=True)),
@@ -81,6 +81,7 @@ class EligibilityTrace:
             alpha=self.alpha,
             of_all=self._of_all(batch) if self._update.rule.trace.clears else None,
         )
+        direction, self.trace = self._update.updated(step.credited(), errors, weights)
         losses["loss"] = -sum((direction[name] * w).sum() for name, w in weights.items())
         return losses
 

@@ -1,6 +1,6 @@
 """A learning step of a batch of runs, as a function from TensorDicts to TensorDicts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -20,7 +20,7 @@ from fnnq_torchrl.agent.watch import Watch
 from fnnq_torchrl.equations.layout import over_batch, per_run, runs_first, runs_last
 from fnnq_torchrl.equations.normalisation import Moments, RewardScale
 from fnnq_torchrl.equations.q_lambda import Rule
-from fnnq_torchrl.equations.step_size import Direction, StepSize, decayed
+from fnnq_torchrl.equations.step_size import State, StepSize, decayed
 
 
 class _Rates(NamedTuple):
@@ -107,15 +107,16 @@ class Learner:
     ``[runs]`` hold everything that differs from run to run:
 
     * ``run`` never changes. Its entries, each ``[runs, 1]``, are ``seed``, ``lam``, ``alpha``,
-      ``alpha_decay``, ``gamma``, ``kappa`` if the step size needs it, the amount of exploration
+      ``alpha_decay``, ``gamma``, the ``numbers`` of the step size, the amount of exploration
       under its own name, such as ``epsilon``, and ``situations``, the number of situations to learn
       from. If ε is annealed, there are ``epsilon_final`` and ``epsilon_over``, too.
     * ``state`` is replaced by every step. Its entries are ``world``, the environment's state;
       ``weights`` and ``trace``, by the names of the network's parameters; among the ``weights``
       there are also the network's ``statistics``, which have no trace; ``action``, the next
-      action, if the variant chooses it before the update; ``alpha``, the current step size;
-      ``reward_scale``, if rewards are scaled
-      (:class:`fnnq_torchrl.equations.normalisation.RewardScale`);
+      action, if the variant chooses it before the update; ``alpha``, the current step size, or
+      the mean of the weights' own; ``step_size``, what a rule with a step size for each weight
+      remembers, by the rule's names and those of the parameters; ``reward_scale``, if rewards are
+      scaled (:class:`fnnq_torchrl.equations.normalisation.RewardScale`);
       ``situations`` and ``steps``, the numbers of situations and steps learned from so far;
       ``diverged``, whether |Q| has become too large, after which the run counts no more steps;
       ``over``, whether the run has ended; and ``snapshot``, the weights and counts at the time when
@@ -186,9 +187,11 @@ class Learner:
         network = self.loss.value_network
         start = network.start(run["seed"])
         weights = {name: _copy(weight) for name, weight in start.items()}
+        learned, before = self._apart(weights)
+        kept = self.step_size.start(per_run(run["alpha"]), [*map(runs_last, learned.values())])
         zero = torch.zeros_like(run["seed"])  # cloned, because entries must not share memory
         batch = {"batch_size": run.batch_size, "device": run.device}
-        alpha = self.step_size.start(run["alpha"])
+        alpha = run["alpha"].clone()
         further = {"fired": torch.zeros_like(weights["weight"])} if self._count_firing else {}
         if self._chooses_ahead:
             further["action"] = torch.zeros_like(run["alpha"])
@@ -204,7 +207,6 @@ class Learner:
             further["watch"] = self._watch.start(run)
         told = {name: number.clone() for name, number in self._told(alpha, further).items()}
         world = self.env.start(run["seed"].clone(), zero.clone())
-        learned, before = self._apart(weights)
         first = network.observed(world.copy().update(before))
         return TensorDict(
             {
@@ -212,6 +214,7 @@ class Learner:
                 "weights": TensorDict(learned | first, **batch),
                 "trace": TensorDict(self._update.start(learned), **batch),
                 "alpha": alpha,
+                **self._keeping(kept, learned, **batch),
                 "situations": zero.clone(),
                 "steps": zero.clone(),
                 "diverged": torch.zeros_like(zero, dtype=torch.bool),
@@ -242,36 +245,27 @@ class Learner:
         slope, (transition, rates, errors) = self._experienced(run, before, statistics, state)
         decay = rates.gamma * run["lam"]
         after = transition["next"]
-        of_all = self._slope_of_all(before, transition)
-        direction, trace = self._update.update(
+        step = self._update.step(
             transition,
             errors,
             slope,
             state["trace"],
             decay,
+            error_slope=partial(self._error_slope, before, rates.gamma, slope, after),
             alpha=rates.alpha,
-            of_all=of_all,
+            of_all=self._slope_of_all(before, transition),
         )
-        kappa = run.get("kappa", None)
-        step, alpha = self.step_size.update(
+        credited, sizes, alpha, kept = self.step_size.update(
             per_run(rates.alpha),
-            None if kappa is None else per_run(kappa),
-            Direction(
-                partial(
-                    self._update.present_trace,
-                    transition,
-                    slope,
-                    state["trace"],
-                    decay,
-                    of_all=of_all,
-                ),
-                partial(self._update.largest_error, errors),
-                partial(self._error_slope, before, rates.gamma, slope, after),
-            ),
+            {name: per_run(run[name]) for name in self.step_size.numbers},
+            self._kept(state, before),
+            step,
         )
         weights = {
-            name: weight + self._step_of(name, over_batch(step, like=weight)) * direction[name]
-            for name, weight in before.items()
+            name: runs_first(runs_last(weight) + self._size_of(name, size) * direction)
+            for (name, weight), size, (direction, _) in zip(
+                before.items(), sizes, credited, strict=True
+            )
         }
         alpha = decayed(alpha.unsqueeze(-1), run["alpha_decay"], after["success"])
         further = self._further(state, slope, after, rates.adaptive)
@@ -281,8 +275,9 @@ class Learner:
             {
                 "world": world,
                 "weights": weights,
-                "trace": trace,
+                "trace": self._update.updated(credited, errors, before).trace,
                 "alpha": alpha,
+                **self._keeping(kept, before),
                 **self._counts(run, state, transition, weights, alpha, further),
             },
             batch_size=state.batch_size,
@@ -402,9 +397,27 @@ class Learner:
         """Return where all |Q| are at most ``largest_value``, false for NaN, ``[runs, 1]``."""
         return action_value.abs().amax(-1, keepdim=True) <= self.largest_value
 
-    def _step_of(self, name: str, step: Tensor) -> Tensor:
+    def _size_of(self, name: str, size: Tensor) -> Tensor:
         """Return the step size of the weights with this name, 0 for weights that don't learn."""
-        return step * self._learns[name] if name in self._learns else step
+        return size * self._learns[name].unsqueeze(-1) if name in self._learns else size
+
+    def _kept(self, state: TensorDictBase, names: Iterable[str]) -> State:
+        """Return what the step size remembers, for the equations."""
+        if "step_size" not in state:
+            return {}
+        return {
+            key: [runs_last(of[name]) for name in names] for key, of in state["step_size"].items()
+        }
+
+    def _keeping(self, kept: State, names: Iterable[str], **batch: Any) -> dict[str, Any]:
+        """Return the entry ``step_size`` of the state; none if nothing is remembered."""
+        if not kept:
+            return {}
+        by_name = {
+            key: dict(zip(names, map(runs_first, tensors), strict=True))
+            for key, tensors in kept.items()
+        }
+        return {"step_size": TensorDict(by_name, **batch) if batch else by_name}
 
     def _experienced(
         self,

@@ -1,6 +1,6 @@
 """The Q(λ) update, used by the learning step and :class:`EligibilityTrace`. Runs come first."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from tensordict import TensorDictBase
@@ -10,7 +10,8 @@ from fnnq_torchrl.agent.loss import Errors, PengQLambdaLoss
 from fnnq_torchrl.equations.exploration import is_greedy
 from fnnq_torchrl.equations.layout import per_run, runs_first, runs_last
 from fnnq_torchrl.equations.q_lambda import Rule
-from fnnq_torchrl.equations.traces import Correction
+from fnnq_torchrl.equations.step_size import Step
+from fnnq_torchrl.equations.traces import Correction, Credited
 
 Weights = Mapping[str, Tensor]
 """Tensors ``[runs, *weights]``, by the names of a network's parameters."""
@@ -65,7 +66,7 @@ class Update:
             trace[LAST_VALUE] = first.new_zeros(len(first), 1)
         return trace
 
-    def update(
+    def step(
         self,
         transition: TensorDictBase,
         errors: Errors,
@@ -73,10 +74,11 @@ class Update:
         trace: Weights,
         decay: Tensor,
         *,
+        error_slope: Callable[[], Sequence[Tensor]] = tuple,
         alpha: Tensor | None = None,
         of_all: Weights | None = None,
-    ) -> Updated:
-        """Return the direction of a step and the trace after the step.
+    ) -> Step:
+        """Return a learning step, as the trace and the step size see it, with the runs last.
 
         Args:
             transition: one step of every run, ``[runs]``, with ``"next"``.
@@ -84,13 +86,12 @@ class Update:
             gradient: ∇Q(s, a) by name, each ``[runs, *weights]``.
             trace: e before the step, by name.
             decay: γλ, ``[runs, 1]`` or one number.
+            error_slope: a function that returns ∇δ′, for the step sizes that need it.
             alpha: the step size of this step, ``[runs, 1]``, for a dutch trace.
             of_all: ∇ΣQ(s, ·) by name, for a clearing trace.
         """
         done = transition["next", self._keys.done]
-        credited = self.rule.update(
-            _runs_last(trace, gradient),
-            _runs_last(gradient, gradient),
+        credit = self.rule.credit(
             per_run(errors.td_error),
             per_run(errors.chosen_td_error),
             per_run(decay),
@@ -99,10 +100,21 @@ class Update:
             of_all=None if of_all is None else _runs_last(of_all, gradient),
             correction=self._correction(errors, trace, alpha),
         )
+        traces, gradients = _runs_last(trace, gradient), _runs_last(gradient, gradient)
+        return Step(self.rule.trace, traces, gradients, credit, error_slope)
+
+    def updated(self, credited: Credited, errors: Errors, names: Iterable[str]) -> Updated:
+        """Return what the trace has made of a step, by the names of the weights.
+
+        Args:
+            credited: the direction and the trace after the step, in the order of ``names``.
+            errors: as in :meth:`step`.
+            names: the names of the weights.
+        """
         direction, after = {}, {}
         if self.rule.trace.corrects:
             after[LAST_VALUE] = errors.next_value
-        for name, (one, other) in zip(gradient, credited, strict=True):
+        for name, (one, other) in zip(names, credited, strict=True):
             direction[name], after[name] = runs_first(one), runs_first(other)
         return Updated(direction, after)
 
@@ -113,32 +125,6 @@ class Update:
             return None
         change = errors.chosen_value.detach() - trace[LAST_VALUE]
         return Correction(per_run(alpha), per_run(change))
-
-    def present_trace(
-        self,
-        transition: TensorDictBase,
-        gradient: Weights,
-        trace: Weights,
-        decay: Tensor,
-        *,
-        of_all: Weights | None = None,
-    ) -> list[Tensor]:
-        """Return z, the trace including the present pair; arguments as in :meth:`update`.
-
-        Returns:
-            z for each tensor of weights, with the runs last, ``[*weights, runs]``.
-        """
-        return self.rule.present_trace(
-            _runs_last(trace, gradient),
-            _runs_last(gradient, gradient),
-            per_run(decay),
-            self._greedy(transition),
-            of_all=None if of_all is None else _runs_last(of_all, gradient),
-        )
-
-    def largest_error(self, errors: Errors) -> Tensor:
-        """Return the largest of |δ| and |δ′| that the variant of Q(λ) uses, ``[runs]``."""
-        return self.rule.largest_error(per_run(errors.td_error), per_run(errors.chosen_td_error))
 
     def _greedy(self, transition: TensorDictBase) -> Tensor | None:
         """Return 1 where the action was greedy, else 0, ``[runs]``; None if never needed."""

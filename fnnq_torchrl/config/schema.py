@@ -33,13 +33,14 @@ from envs.schemas import SCHEMAS as WORLDS
 from fnnq_torchrl.config.loggers import LoggerConfig
 from fnnq_torchrl.config.rules import RulesConfig
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
-from fnnq_torchrl.config.values import LabelsConfig, ValueConfig
+from fnnq_torchrl.config.values import FuzzyConfig, LabelsConfig, ValueConfig
 from fnnq_torchrl.equations.names import (
     ADAPTIVE,
     ADAPTIVE_PARAMETERS,
     BETAS,
     CLOCKS,
     EXPLORATIONS,
+    PER_WEIGHT,
     STEP_SIZES,
     TRACES,
     VARIANTS,
@@ -62,6 +63,11 @@ PER_RUN = (
     "alpha",
     "alpha_decay",
     "kappa",
+    "meta_step_size",
+    "tau",
+    "eta",
+    "eta_min",
+    "eta_decay",
     "gamma",
     "epsilon",
     "epsilon_final",
@@ -143,6 +149,12 @@ class Config(Parameters):
     alpha: float = number(0)
     alpha_decay: float = number(above=0, high=1)
     kappa: float = number(above=1)
+    # These have defaults for jobs from before these keys existed; no rule of theirs uses them.
+    meta_step_size: float = number(0, default=0.01)
+    tau: float = number(above=0, default=1e4)
+    eta: float = number(above=0, default=0.1)
+    eta_min: float = number(above=0, default=1e-10)
+    eta_decay: float = number(above=0, high=1, default=0.999)
     gamma: float = number(0, 1)
     exploration: str = one_of(*EXPLORATIONS)
     epsilon: float = number(0, 1)
@@ -208,8 +220,7 @@ class Config(Parameters):
 
     def contradictions(self) -> Iterator[OutOfRange]:
         """Yield an error for each value that conflicts with another."""
-        if self.step_size == "constant" and self.alpha_decay != 1:
-            yield OutOfRange("alpha_decay", self.alpha_decay, "1 with step_size=constant")
+        yield from self._misfits_of_the_step_size()
         every = self.evaluation.every
         if self.situations % every:
             multiple = f"a whole multiple of evaluation.every={every}"
@@ -226,12 +237,37 @@ class Config(Parameters):
         yield from self._misfits_of_the_rules()
         yield from self._misfits_of_the_world()
 
+    def _misfits_of_the_step_size(self) -> Iterator[OutOfRange]:
+        """Yield an error for each choice with which the rule for the step size doesn't work."""
+        rule = self.step_size
+        if rule in ("constant", *PER_WEIGHT) and self.alpha_decay != 1:
+            yield OutOfRange("alpha_decay", self.alpha_decay, f"1 with step_size={rule}")
+        if rule not in PER_WEIGHT:
+            return
+        if self.alpha == 0:
+            yield OutOfRange("alpha", self.alpha, f"above 0 with step_size={rule}")
+        if isinstance(self.value, FuzzyConfig) and self.value.learn_memberships:
+            yield OutOfRange("value.learn_memberships", True, f"false with step_size={rule}")
+        elif not self.value.is_linear:
+            *others, last = (kind for kind, schema in VALUES.items() if schema.linear)
+            linear = f"{', '.join(others)} or {last}, whose Q is linear in its weights"
+            yield OutOfRange("value.kind", self.value.kind, f"{linear}, with step_size={rule}")
+        if self.rules is not None and self.rules.frozen:
+            yield OutOfRange("rules.frozen", self.rules.frozen, f"[] with step_size={rule}")
+        if rule == "swift":
+            for key, value in (("variant", "sarsa"), ("trace", "dutch")):
+                if getattr(self, key) != value:
+                    yield OutOfRange(key, getattr(self, key), f"{value} with step_size=swift")
+            if self.eta_min > self.eta:
+                yield OutOfRange("eta_min", self.eta_min, f"at most eta={self.eta}")
+
     def _misfits_of_the_learner(self) -> Iterator[OutOfRange]:
         """Yield an error for a trace or a variant that doesn't fit the other choices."""
         if self.trace == "dutch" and self.variant != "sarsa":
             yield OutOfRange("variant", self.variant, "sarsa with trace=dutch")
-        if self.trace == "dutch" and self.step_size not in ("decay", "constant"):
-            yield OutOfRange("step_size", self.step_size, "decay or constant with trace=dutch")
+        if self.trace == "dutch" and self.step_size not in ("decay", "constant", "swift"):
+            allowed = "decay, constant or swift with trace=dutch"
+            yield OutOfRange("step_size", self.step_size, allowed)
         if self.trace == "dutch" and self.rules is not None and self.rules.frozen:
             yield OutOfRange("rules.frozen", self.rules.frozen, "[] with trace=dutch")
         yield from self._misfits_of_the_adaptive()

@@ -74,6 +74,14 @@ class ValueConfig(Parameters):
     of_each_input: ClassVar[str] = "an entry"
     """The noun for an entry of ``inputs`` in messages."""
 
+    linear: ClassVar[bool] = True
+    """Whether Q can be linear in its weights, as step sizes for each weight need it."""
+
+    @property
+    def is_linear(self) -> bool:
+        """True if Q is linear in its weights with these settings."""
+        return self.linear
+
     def in_world(self, world: WorldConfig) -> Self:
         """Return a copy in which keys that are null have the world's values."""
         return self
@@ -275,6 +283,10 @@ class FuzzyConfig(LabelsConfig):
     learn_memberships: bool = flag(default=False)
     least_width: float = number(above=0, high=1, default=0.1)
 
+    @property
+    def is_linear(self) -> bool:
+        return not self.learn_memberships
+
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
         """Yield the errors of `LabelsConfig`, and one if labels to be learned aren't Gaussian."""
         yield from super().misfits(world)
@@ -353,6 +365,7 @@ class MLPConfig(ValueConfig):
     normalise: bool = flag(default=False)
 
     of_each_input: ClassVar = "the names"
+    linear: ClassVar = False
 
     def in_world(self, world: WorldConfig) -> Self:
         """Return a copy in which null inputs are replaced by all observations of the world."""

@@ -13,8 +13,21 @@ TRACES = ("output", "gradient", "replacing", "window", "clearing", "dutch")
 BOOTSTRAPS = ("best", "chosen", "expected")
 """The values of the next state: Q of the best action, Q of the chosen action, or the mean of Q."""
 
-STEP_SIZES = ("decay", "constant", "obgd", "alpha_bound")
+STEP_SIZES = (
+    "decay",
+    "constant",
+    "obgd",
+    "alpha_bound",
+    "idbd",
+    "autostep",
+    "tidbd",
+    "auto_tidbd",
+    "swift",
+)
 """The rules for the step size."""
+
+PER_WEIGHT = ("idbd", "autostep", "tidbd", "auto_tidbd", "swift")
+"""The rules with a step size for each weight, made for a Q that is linear in its weights."""
 
 EXPLORATIONS = {"epsilon_greedy": "epsilon", "boltzmann": "temperature", "noise": "noise_std"}
 """The names of the ways to explore, each with the configuration key of its amount."""

@@ -8,10 +8,9 @@ Q̂ ← Q̂ + α·Tr·δ. V̂(s) is printed as arg max Q̂; it is max Q̂.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import torch
 from torch import Tensor
 
-from fnnq_torchrl.equations.traces import TRACES, Correction, Credit, Credited
+from fnnq_torchrl.equations.traces import TRACES, Correction, Credit
 
 
 def td_errors(
@@ -109,10 +108,8 @@ class Rule:
         self.variant = VARIANTS[variant]
         self.trace = TRACES[trace].of(window)
 
-    def update(
+    def credit(
         self,
-        traces: Sequence[Tensor],
-        gradients: Sequence[Tensor],
         td_error: Tensor,
         chosen_td_error: Tensor,
         decay: Tensor,
@@ -121,12 +118,10 @@ class Rule:
         *,
         of_all: Sequence[Tensor] | None = None,
         correction: Correction | None = None,
-    ) -> Credited:
-        """Return Δw and the new trace for every tensor of weights.
+    ) -> Credit:
+        """Return the errors of a step, and the factors that decay, cut or clear the trace.
 
         Args:
-            traces: e of each tensor, in the shape that the trace's ``start`` gives it.
-            gradients: ∇Q(s, a) for each tensor, ``[*weights, runs]``.
             td_error, chosen_td_error: δ and δ′, ``[runs]``.
             decay: γλ, ``[runs]``.
             greedy: 1 where the action was greedy, else 0, ``[runs]``; None if the trace is never
@@ -137,42 +132,6 @@ class Rule:
         """
         past_error = td_error if self.variant.past_gets_td_error else chosen_td_error
         at_once = not self.variant.past_gets_td_error
-        credit = Credit(
+        return Credit(
             past_error, chosen_td_error, decay, greedy, goes_on, at_once, of_all, correction
         )
-        return self.trace.update(traces, gradients, credit)
-
-    def present_trace(
-        self,
-        traces: Sequence[Tensor],
-        gradients: Sequence[Tensor],
-        decay: Tensor,
-        greedy: Tensor | None,
-        *,
-        of_all: Sequence[Tensor] | None = None,
-    ) -> list[Tensor]:
-        """Return z, the trace including the present pair. It equals Δw if both errors are 1.
-
-            z = γλe + ∇Q(s, a),  or another combination that the kind of trace defines
-
-        Args:
-            traces, gradients, decay, greedy, of_all: as in :meth:`update`.
-
-        Returns:
-            z for each tensor of weights, ``[*weights, runs]``.
-        """
-        one = torch.ones_like(decay)
-        credited = self.update(traces, gradients, one, one, decay, greedy, one, of_all=of_all)
-        return [z for z, _ in credited]
-
-    def largest_error(self, td_error: Tensor, chosen_td_error: Tensor) -> Tensor:
-        """Return the largest absolute value of the errors that the variant uses.
-
-        Args:
-            td_error, chosen_td_error: δ and δ′, any shape.
-
-        Returns:
-            max(|δ|, |δ′|) or, for a variant without δ, |δ′|.
-        """
-        past_error = td_error if self.variant.past_gets_td_error else chosen_td_error
-        return torch.maximum(past_error.abs(), chosen_td_error.abs())

@@ -10,7 +10,7 @@ from fnnq_torchrl.config.schema import PER_RUN
 from fnnq_torchrl.engine import graphs
 from fnnq_torchrl.equations.names import EXPLORATIONS, TRACES, VARIANTS
 from fnnq_torchrl.equations.q_lambda import Rule
-from fnnq_torchrl.equations.step_size import make_step_size
+from fnnq_torchrl.equations.step_size import STEP_SIZES, make_step_size
 from tests.oracles.peng import peng_q_lambda
 from tests.oracles.q_lambdas import q_lambda
 from tests.oracles.random_mdp import ACTIONS, STATES, RandomMDP, Walk
@@ -219,11 +219,12 @@ def test_every_value_of_a_run_acts_on_that_run_alone(exploration: str) -> None:
     settings = config(f"exploration={exploration}")
     annealing = {"epsilon_final", "epsilon_over"}
     adaptive = {key for key in PER_RUN if key.startswith("adaptive_")}
-    assert CHANGES.keys() | AMOUNTS.keys() | {"kappa"} | annealing | adaptive == set(PER_RUN)
+    of_steps = {number for rule in STEP_SIZES.values() for number in rule.numbers}
+    assert CHANGES.keys() | AMOUNTS.keys() | of_steps | annealing | adaptive == set(PER_RUN)
     base = make_runs(settings, 12)
     changed = base.clone()
     amount = EXPLORATIONS[exploration]
-    for key in AMOUNTS.keys() - {amount} | {"kappa", "epsilon_over"} | adaptive:
+    for key in AMOUNTS.keys() - {amount} | of_steps | {"epsilon_over"} | adaptive:
         changed[key] += 0.1  # a value that this policy, step size or scheme doesn't use
     for lane, (key, value) in enumerate((CHANGES | {amount: AMOUNTS[amount]}).items()):
         changed[key][lane] = value

@@ -60,6 +60,11 @@ def test_the_defaults_are_the_papers_and_spec(default):
         "alpha_decay": 0.99,
         "step_size": "decay",
         "kappa": 2,
+        "meta_step_size": 0.01,
+        "tau": 1e4,
+        "eta": 0.1,
+        "eta_min": 1e-10,
+        "eta_decay": 0.999,
         "gamma": 0.95,
         "exploration": "epsilon_greedy",
         "epsilon": 0.1,
@@ -286,7 +291,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         (["trace=dutch"], "variant=peng: must be sarsa with trace=dutch"),
         (
             ["trace=dutch", "variant=sarsa", "step_size=obgd"],
-            "step_size=obgd: must be decay or constant with trace=dutch",
+            "step_size=obgd: must be decay, constant or swift with trace=dutch",
         ),
         (
             ["trace=dutch", "variant=sarsa", "rules.frozen=[ahead]"],
@@ -307,8 +312,30 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ("situations=0", "situations=0: must be a whole number >= 1"),
         (
             "step_size=foo",
-            "step_size=foo: must be alpha_bound or constant or decay or obgd",
+            "step_size=foo: must be alpha_bound or auto_tidbd or autostep or constant or decay or "
+            "idbd or obgd or swift or tidbd",
         ),
+        (
+            ["step_size=idbd", "value=mlp"],
+            "value.kind=mlp: must be fnnq, fnnq_sum, rbf, table or tiles, whose Q is linear in its "
+            "weights, with step_size=idbd",
+        ),
+        (
+            ["step_size=swift", "value.learn_memberships=true"],
+            "value.learn_memberships=True: must be false with step_size=swift",
+        ),
+        (["step_size=tidbd", "alpha=0"], "alpha=0.0: must be above 0 with step_size=tidbd"),
+        (
+            ["step_size=autostep", "alpha_decay=0.9"],
+            "alpha_decay=0.9: must be 1 with step_size=autostep",
+        ),
+        (
+            ["step_size=auto_tidbd", "rules.frozen=[ahead]"],
+            "rules.frozen=['ahead']: must be [] with step_size=auto_tidbd",
+        ),
+        (["step_size=swift", "variant=peng"], "variant=peng: must be sarsa with step_size=swift"),
+        (["step_size=swift", "trace=output"], "trace=output: must be dutch with step_size=swift"),
+        (["step_size=swift", "eta_min=0.2"], "eta_min=0.2: must be at most eta=0.1"),
         ("step_siz=obgd", "step_siz=obgd: there is no step_siz; did you mean step_size?"),
         ("kappa=1", "kappa=1.0: must be a number in (1, inf)"),
         ("action.candidates=1", "action.candidates=1: must be a whole number >= 2, or null"),

@@ -19,6 +19,7 @@ from fnnq_torchrl.engine.loops import EagerLoop, Loop, MakeLoop, Running, Step
 from fnnq_torchrl.engine.native import NativeLoop, RunsMixed, Unsupported
 from fnnq_torchrl.engine.native.translation import source
 from fnnq_torchrl.engine.scheduler import work_through
+from fnnq_torchrl.equations.names import PER_WEIGHT
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.resume.ledger import Ledger
 from tests.programs import config, in_lanes, make_learner, make_runs
@@ -442,9 +443,19 @@ def test_it_learns_on_one_side_what_the_eager_engine_learns() -> None:
     assert_learned_alike(compile_learning(settings, make_runs(settings, LANES)), 1e-4, 1e-5)
 
 
-@pytest.mark.parametrize("step_size", ["obgd", "alpha_bound"])
+@pytest.mark.parametrize(
+    "step_size",
+    [
+        "obgd",
+        "alpha_bound",
+        "auto_tidbd",
+        "swift",
+        *(pytest.param(rule, marks=pytest.mark.long) for rule in ("idbd", "autostep", "tidbd")),
+    ],
+)
 def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: str) -> None:
-    settings = config(f"step_size={step_size}", "machine.dtype=float64", "lam=0.8")
+    alpha = ["alpha=0.1"] if step_size in PER_WEIGHT else []
+    settings = config(f"step_size={step_size}", "machine.dtype=float64", "lam=0.8", *alpha)
     stays = make_runs(settings, RUNS, kappa=torch.linspace(1.1, 4, RUNS))
     many = compile_learning(settings, in_lanes(stays))
     assert_learned_alike(many, 1e-10, 1e-12)

@@ -51,3 +51,6 @@ def test_the_names_are_those_of_the_registries() -> None:
     assert tuple(VARIANTS) == names.VARIANTS
     assert tuple(TRACES) == names.TRACES
     assert tuple(STEP_SIZES) == names.STEP_SIZES
+    assert [*names.PER_WEIGHT] == [
+        name for name, rule in STEP_SIZES.items() if rule().start(real(1.0), [real(0.0)])
+    ]

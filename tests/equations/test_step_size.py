@@ -38,7 +38,7 @@ def test_alpha_bound_by_hand() -> None:
 
 
 def test_another_step_size_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"^step_size='obg': must be decay, .* or alpha_bound$"):
+    with pytest.raises(ValueError, match=r"^step_size='obg': must be decay, .* or swift$"):
         make_step_size("obg")
 
 
