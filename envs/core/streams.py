@@ -22,13 +22,14 @@ from torch import Tensor
 
 
 class Stream(IntEnum):
-    """The purposes of random words. No two streams share words; one more stream would fit."""
+    """The purposes of random words. No two streams share words; no other stream would fit."""
 
     STEP = 0
     START = 1
     CHANCE = 2
     LAYOUT = 3
     SENSORS = 4
+    CHOICES = 5
 
 
 def pcg4d(words: Tensor) -> Tensor:
