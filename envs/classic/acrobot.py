@@ -21,8 +21,9 @@ class Acrobot(PureEnv):
     """Acrobot, with the equations of Gymnasium's Acrobot-v1 (Runge and Kutta's method).
 
     An angle of 0 points downwards; the second angle is relative to the first link. Actions are a
-    torque to the left (0), no torque (1) or a torque to the right (2). The task ends when the tip
-    is above the bar. The reward is −1 a step, and 0 for the last step of the task.
+    torque to the left (0), no torque (1) or a torque to the right (2); a number in between is a
+    weaker torque. The task ends when the tip is above the bar. The reward is −1 a step, and 0 for
+    the last step of the task.
 
     Source: R. S. Sutton, A. G. Barto, "Reinforcement learning", 1998, section 11.3.
 

@@ -11,8 +11,9 @@ from envs.core.pure import Entries, PureEnv
 class CartPole(PureEnv):
     """Cart-Pole, with the equations of Gymnasium's CartPole-v1 (Euler's method).
 
-    Actions are a push to the left (0) or to the right (1). The task ends when the cart leaves the
-    track or the pole has fallen; an episode that reaches the time limit is a success.
+    Actions are a push to the left (0) or to the right (1); a number in between is a weaker push.
+    The task ends when the cart leaves the track or the pole has fallen; an episode that reaches the
+    time limit is a success.
 
     Source: A. G. Barto, R. S. Sutton, C. W. Anderson, "Neuronlike adaptive elements that can solve
     difficult learning control problems", IEEE Trans. Systems, Man and Cybernetics 13, 1983.

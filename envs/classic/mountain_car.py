@@ -15,7 +15,8 @@ class MountainCar(PureEnv):
         v ← v + force·(action − 1) − gravity·cos 3x,  x ← x + v
 
     x and v are clipped to their ranges. At the lowest x, the car stops. Actions are 0 (reverse), 1
-    (neutral) and 2 (forward). The reward is −1 a step. The task ends at the goal.
+    (neutral) and 2 (forward); a number in between is a weaker force. The reward is −1 a step. The
+    task ends at the goal.
 
     Arguments: see :class:`envs.core.pure.PureEnv`; the values of ``world`` are in
     ``conf/env/mountain_car.yaml``.

@@ -23,6 +23,7 @@ class MountainCarConfig(WorldConfig):
 
     measure: ClassVar = "return"
     successes: ClassVar = "arrivals"
+    graded: ClassVar = True
     action_name: ClassVar = "throttle"
 
     @property
@@ -83,6 +84,7 @@ class CartPoleConfig(WorldConfig):
     usual_pole_radps: float = number(above=0)
 
     successes: ClassVar = "balanced episodes"
+    graded: ClassVar = True
     action_name: ClassVar = "push"
 
     @property
@@ -132,6 +134,7 @@ class AcrobotConfig(WorldConfig):
 
     measure: ClassVar = "return"
     successes: ClassVar = "swings"
+    graded: ClassVar = True
     action_name: ClassVar = "torque"
 
     @property

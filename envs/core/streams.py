@@ -22,14 +22,22 @@ from torch import Tensor
 
 
 class Stream(IntEnum):
-    """The purposes of random words. No two streams share words; no further stream would fit."""
+    """The purposes of random words. No two streams share words; no other stream would fit.
+
+    The learner's stream has the choices of rules. Perturbations have it, too, in the last episode,
+    which no run reaches.
+    """
 
     STEP = 0
     START = 1
     CHANCE = 2
     LAYOUT = 3
     SENSORS = 4
-    PERTURBATION = 5
+    LEARNER = 5
+
+
+LAST_EPISODE = 2**33 - 1
+"""The last episode for which :func:`draw` has words."""
 
 
 def pcg4d(words: Tensor) -> Tensor:

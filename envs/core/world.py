@@ -32,6 +32,9 @@ class WorldConfig(Parameters, ABC):
     compiles: ClassVar[bool] = True
     """Whether a step of the world uses plain torch only, so that it can be compiled."""
 
+    graded: ClassVar[bool] = False
+    """Whether a world with a fixed set of actions also takes a number between two of them."""
+
     action_name: ClassVar[str] = "action"
     """What the action is called in rules."""
 

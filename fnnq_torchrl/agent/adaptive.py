@@ -111,7 +111,8 @@ class Adaptive:
 
 def _noise(seed: Tensor, steps: Tensor, dtype: torch.dtype) -> dict[str, Tensor]:
     """Return N(0, 1) for each parameter at a step, ``[runs]``."""
-    words = streams.draw(seed, torch.zeros_like(seed), steps, Stream.PERTURBATION)
+    episode = torch.full_like(seed, streams.LAST_EPISODE)
+    words = streams.draw(seed, episode, steps, Stream.LEARNER)
     u, v, other_u, other_v = streams.uniform(per_run(words), dtype)
     return {
         "alpha": streams.box_muller(u, v),

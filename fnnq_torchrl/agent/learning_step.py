@@ -395,7 +395,7 @@ class Learner:
 
     def _within(self, action_value: Tensor) -> Tensor:
         """Return where all |Q| are at most ``largest_value``, false for NaN, ``[runs, 1]``."""
-        return action_value.abs().amax(-1, keepdim=True) <= self.largest_value
+        return action_value.abs().flatten(1).amax(-1, keepdim=True) <= self.largest_value
 
     def _size_of(self, name: str, size: Tensor) -> Tensor:
         """Return the step size of the weights with this name, 0 for weights that don't learn."""

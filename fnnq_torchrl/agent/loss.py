@@ -61,7 +61,7 @@ class PengQLambdaLoss(LossModule):
             ``action_probability`` of each candidate in ``"next"``.
 
     Raises:
-        ValueError: if there is no such bootstrap.
+        ValueError: if there is no such bootstrap, or it doesn't suit the network.
     """
 
     @dataclass
@@ -88,8 +88,11 @@ class PengQLambdaLoss(LossModule):
         if bootstrap not in BOOTSTRAPS:
             *others, last = BOOTSTRAPS
             raise ValueError(f"bootstrap={bootstrap!r}: must be {', '.join(others)} or {last}")
+        if bootstrap != "best" and value_network.choice_key != "action":
+            raise ValueError(f"bootstrap={bootstrap!r}: must be best if each rule has an action")
         self.bootstrap = bootstrap
         self.value_network = value_network
+        self.set_keys(action=value_network.choice_key)
         candidates = value_network.candidates
         self.register_buffer("gamma", run_numbers("gamma", gamma, like=candidates))
 
@@ -125,7 +128,7 @@ class PengQLambdaLoss(LossModule):
         if self.bootstrap == "expected":
             mean = values(None) * after[self.tensor_keys.action_probability]
             return mean.sum(-1, keepdim=True)
-        return values(None).amax(-1, keepdim=True)
+        return self.value_network.best(values(None))
 
     def errors(self, tensordict: TensorDictBase, gamma: Tensor | None = None) -> Errors:
         """Return the errors and values of a step; :meth:`forward` makes the loss from them.
@@ -142,7 +145,7 @@ class PengQLambdaLoss(LossModule):
             td_error, chosen_td_error = q_lambda.td_errors(
                 after[keys.reward],
                 after[keys.terminated],
-                tensordict[keys.action_value].amax(-1, keepdim=True),
+                self.value_network.best(tensordict[keys.action_value]),
                 chosen_value,
                 next_value,
                 over_batch(self.gamma if gamma is None else gamma, like=chosen_value),

@@ -18,7 +18,8 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
     The policy reads the network's observations and ``chance``, a uniform random number that every
     :class:`envs.core.pure.PureEnv` provides. It writes ``action_value``
     ``[runs, *batch, candidates]`` and ``action`` ``[runs, *batch, 1]``. It works with
-    ``env.rollout`` and TorchRL's collectors.
+    ``env.rollout`` and TorchRL's collectors. A network may let the policy choose in its own way
+    (:meth:`.ValueNetwork.decide`): then each of its rules chooses by its own values.
 
     Args:
         value_network: Q(s, a) with the candidate actions.
@@ -30,8 +31,8 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
 
     def __init__(self, value_network: ValueNetwork, amount: Tensor | float) -> None:
         super().__init__()
-        self.in_keys = [*value_network.in_keys, "chance"]
-        self.out_keys = ["action_value", "action"]
+        self.in_keys = [*value_network.in_keys, *value_network.chance_keys]
+        self.out_keys = [*dict.fromkeys(("action_value", value_network.choice_key, "action"))]
         self.value_network = value_network
         numbers = run_numbers(self.amount_name, amount, like=value_network.candidates)
         self.register_buffer(self.amount_name, numbers)
@@ -73,12 +74,13 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
         return run[self.amount_name]
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        values = self.value_network.values_in(tensordict)
-        u = per_run(tensordict["chance"])
-        amount = over_batch(getattr(self, self.amount_name), like=u)
-        tensordict["action_value"] = values
-        tensordict["action"] = self.choose(values.movedim(-1, 0), amount, u).unsqueeze(-1)
-        return tensordict
+        seen = per_run(tensordict[self.value_network.in_keys[0]])
+        amount = over_batch(getattr(self, self.amount_name), like=seen)
+
+        def choose(values: Tensor, u: Tensor) -> Tensor:
+            return self.choose(values, amount, u)
+
+        return tensordict.update(self.value_network.decide(tensordict, choose))
 
 
 class EpsilonGreedyPolicy(ExploringPolicy):
@@ -137,11 +139,16 @@ class NoisyPolicy(ExploringPolicy):
     Args:
         value_network: Q(s, a), and the candidates, ascending.
         noise_std: σ of the noise, one number or one per run, ``[runs, 1]``.
+
+    Raises:
+        ValueError: if the network's rules choose an action each, and know only the candidates.
     """
 
     amount_name = EXPLORATIONS["noise"]
 
     def __init__(self, value_network: ValueNetwork, noise_std: Tensor | float) -> None:
+        if value_network.choice_key != "action":
+            raise ValueError("exploration='noise': the rules must choose among the candidates")
         super().__init__(value_network, noise_std)
 
     def choose(self, action_values: Tensor, amount: Tensor, u: Tensor) -> Tensor:

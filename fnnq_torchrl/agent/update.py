@@ -131,7 +131,9 @@ class Update:
         if not self.rule.variant.cuts:
             return None
         values = transition[self._keys.action_value].movedim(-1, 0)
-        return is_greedy(values, self._candidates, per_run(transition[self._keys.action]))
+        action = transition[self._keys.action].view(values.shape[1:])
+        greedy = is_greedy(values, self._candidates, action)
+        return greedy.view(len(greedy), -1).amin(-1)  # if each rule chooses, all must be greedy
 
 
 def _runs_last(tensors: Weights, order: Weights) -> list[Tensor]:

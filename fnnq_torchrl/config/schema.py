@@ -274,6 +274,8 @@ class Config(Parameters):
         kind = self.value.kind
         if self.trace == "clearing" and kind not in ("table", "tiles") and not is_own(kind):
             yield OutOfRange("value.kind", kind, "table or tiles with trace=clearing")
+        if self.value.rules_choose:
+            yield from self._misfits_of_choosing_rules()
         if self.variant == "expected_sarsa" and self.exploration == "noise":
             allowed = "epsilon_greedy or boltzmann with variant=expected_sarsa"
             yield OutOfRange("exploration", self.exploration, allowed)
@@ -294,6 +296,19 @@ class Config(Parameters):
             value = getattr(self, key)
             if key != "temperature" and not 0 < value < 1:
                 yield OutOfRange(key, value, f"a number in (0, 1), without 0 and 1, {if_changed}")
+
+    def _misfits_of_choosing_rules(self) -> Iterator[OutOfRange]:
+        """Yield an error for each choice that needs a single action, not one of each rule."""
+        kind, world = self.value.kind, self.env
+        if "sarsa" in self.variant:
+            allowed = f"peng, watkins or naive with value={kind}"
+            yield OutOfRange("variant", self.variant, allowed)
+        if self.exploration == "noise":
+            allowed = f"epsilon_greedy or boltzmann with value={kind}"
+            yield OutOfRange("exploration", self.exploration, allowed)
+        if isinstance(world.actions, int) and not world.graded:
+            allowed = f"another: {world.kind} takes no action between two of its fixed set"
+            yield OutOfRange("value.kind", kind, allowed)
 
     @property
     def _has_prior(self) -> bool:

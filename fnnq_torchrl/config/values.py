@@ -45,6 +45,7 @@ __all__ = [
     "OUTPUTS",
     "SCHEMAS",
     "FuzzyConfig",
+    "FuzzyQConfig",
     "LabelsConfig",
     "MLPConfig",
     "SumConfig",
@@ -81,6 +82,9 @@ class ValueConfig(Parameters):
     def is_linear(self) -> bool:
         """True if Q is linear in its weights with these settings."""
         return self.linear
+
+    rules_choose: ClassVar[bool] = False
+    """Whether each rule chooses an action, so that the executed action lies between them."""
 
     def in_world(self, world: WorldConfig) -> Self:
         """Return a copy in which keys that are null have the world's values."""
@@ -298,6 +302,27 @@ class FuzzyConfig(LabelsConfig):
 
 
 @dataclass
+class FuzzyQConfig(LabelsConfig):
+    """The action values of fuzzy Q-learning: each rule chooses a label of the action."""
+
+    rules_choose: ClassVar = True
+
+    def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
+        """Yield the errors of `LabelsConfig`, and errors for what the rules can't choose among."""
+        wrong = [*super().misfits(world)]
+        yield from wrong
+        if self.elsewhere != "nearest":
+            yield OutOfRange("elsewhere", self.elsewhere, "nearest, since a rule must choose")
+        if wrong or self.action is None:
+            return
+        functions = [membership_of(label, self.width) for label in self.action]
+        middles = [MEMBERSHIP_FUNCTIONS[kind].middle(numbers) for kind, numbers in functions]
+        low, high = (0, world.actions - 1) if isinstance(world.actions, int) else world.actions
+        if len({min(max(middle, low), high) for middle in middles}) < len(middles):
+            yield OutOfRange("action", self.action, "labels with different middles in the range")
+
+
+@dataclass
 class SumConfig(LabelsConfig):
     """A sum of fuzzy rule bases, one for each group of inputs."""
 
@@ -375,6 +400,7 @@ class MLPConfig(ValueConfig):
 SCHEMAS: dict[str, type[ValueConfig]] = {
     "fnnq": FuzzyConfig,
     "fnnq_sum": SumConfig,
+    "fuzzy_q": FuzzyQConfig,
     "mlp": MLPConfig,
     "rbf": LabelsConfig,
     "table": LabelsConfig,

@@ -130,6 +130,22 @@ def zero_where_silent(shares: Callable[[Tensor], Tensor], log_degrees: Tensor) -
     return shares(log_degrees.where(fires, 0)) * fires
 
 
+def combined(shares: Sequence[Tensor]) -> Tensor:
+    """Return every state rule's normalised firing strength, the product of its labels' shares.
+
+    Args:
+        shares: for each state input, the shares of its labels, ``[labels, *batch, runs]``.
+
+    Returns:
+        ``[rules, *batch, runs]``; the last input's label changes fastest.
+    """
+
+    def joined(strengths: Tensor, share: Tensor) -> Tensor:
+        return (strengths.unsqueeze(1) * share).flatten(0, 1)
+
+    return reduce(joined, shares)
+
+
 def defuzzify(consequents: Tensor, shares: Sequence[Tensor], action_shares: Tensor) -> Tensor:
     """Return Q(s, a) = Σᵢ wᵢσᵢ / Σσ, the weighted average of the consequents (paper, eq. 8).
 

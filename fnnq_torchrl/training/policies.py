@@ -12,7 +12,7 @@ from fnnq_torchrl.training.weights import load_checkpoint
 
 
 def load_rules(run: str | Path, seed: int | None = None, *, own: bool = False) -> RuleBase:
-    """Load the rules that a finished job of ``value=fnnq`` or ``value=fnnq_sum`` has learned.
+    """Load the rules that a finished job of ``fnnq``, ``fnnq_sum`` or ``fuzzy_q`` has learned.
 
     A sum of rule bases is loaded as the single rule base with the same Q.
 

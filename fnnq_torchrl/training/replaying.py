@@ -54,7 +54,7 @@ def read_log(path: Path, names: Sequence[str]) -> Rows:
 
 @torch.no_grad()
 def greedy_actions(network: ValueNetwork, rows: Rows) -> list[float]:
-    """Return the action with the highest value in each row; the first if several are equal.
+    """Return the greedy action in each row (:meth:`.ValueNetwork.greedy`).
 
     Args:
         network: the value network of a single run.
@@ -65,8 +65,7 @@ def greedy_actions(network: ValueNetwork, rows: Rows) -> list[float]:
         like.new_tensor([float(row[name]) for row in rows]).view(1, -1, 1)
         for name in network.in_keys
     ]
-    best = network(*seen).argmax(-1)
-    actions: list[float] = like[best].flatten().tolist()
+    actions: list[float] = network.greedy(*seen).flatten().tolist()
     return actions
 
 

@@ -102,7 +102,7 @@ def by_labels(
     return [oracle(weights_of(network, run)["weight"], *where) for run in range(RUNS)]
 
 
-@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("name", [name for name in VARIANTS if name != "fuzzy_q"])
 @pytest.mark.parametrize("batch", [(), (4,), (4, 2)])
 def test_a_candidate_has_the_value_of_that_action(name: str, batch: tuple[int, ...]) -> None:
     network = with_random_weights(*VARIANTS[name])

@@ -94,9 +94,7 @@ def distil(
     """
     from scipy.optimize import lsq_linear  # here, since importing it is slow
 
-    each = max(2, round(_POINTS ** (1 / len(states))))
-    axes = [torch.linspace(*state.span(), each, dtype=torch.float64) for state in states]
-    grid = torch.cartesian_prod(*axes).reshape(-1, len(states))
+    grid = _grid(states)
     actions = greedy(grid)
     zeros = torch.zeros([len(state.labels) for state in states], dtype=torch.float64)
     blank = FuzzySystem(tuple(states), action.name, zeros, t_norm, elsewhere)
@@ -117,6 +115,24 @@ def distil(
         float(differences.max()),
         float(differences.mean()),
     )
+
+
+def exact(distilled: FuzzySystem, action: Variable) -> Controller:
+    """Return the controller of a greedy policy that already has the form of such rules.
+
+    Args:
+        distilled: the rules, with one action for each combination of the inputs' labels.
+        action: the action's variable.
+    """
+    grid = _grid(distilled.inputs)
+    return Controller(grid, distilled.evaluate(grid), [], distilled, action, 0.0, 0.0)
+
+
+def _grid(states: Sequence[Variable]) -> Tensor:
+    """Return points over the state inputs' ranges, ``[points, states]``."""
+    each = max(2, round(_POINTS ** (1 / len(states))))
+    axes = [torch.linspace(*state.span(), each, dtype=torch.float64) for state in states]
+    return torch.cartesian_prod(*axes).reshape(-1, len(states))
 
 
 def _slices(states: Sequence[Variable], greedy: Callable[[Tensor], Tensor]) -> list[Stretch]:

@@ -1,9 +1,9 @@
 """A fuzzy Q-function as a rule base."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Self, cast
+from typing import ClassVar, Self
 
 import torch
 from torch import Tensor
@@ -15,7 +15,8 @@ from fnnq_torchrl.agent.rules.explanation import Explanation
 from fnnq_torchrl.agent.rules.formats import export_controller, export_system, read_system
 from fnnq_torchrl.agent.rules.partition import Label, Variable
 from fnnq_torchrl.agent.rules.system import FuzzySystem, check_size, observed
-from fnnq_torchrl.agent.values import FNNQSumValue, FNNQValue, ValueNetwork
+from fnnq_torchrl.agent.values import FNNQValue
+from fnnq_torchrl.agent.values.labels import LabelsValue
 from fnnq_torchrl.config.values import LabelsConfig
 from fnnq_torchrl.equations.membership_functions import Membership, membership_of
 
@@ -34,6 +35,9 @@ class RuleBase(FuzzySystem):
 
     candidates: tuple[float, ...] = ()
 
+    compares: ClassVar[bool] = True
+    """Whether the greedy action is the candidate with the highest value."""
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if len(self.inputs) < 2:
@@ -44,7 +48,7 @@ class RuleBase(FuzzySystem):
 
     @classmethod
     def from_network(
-        cls, network: FNNQValue, config: LabelsConfig, world: WorldConfig, run: int | None = None
+        cls, network: LabelsValue, config: LabelsConfig, world: WorldConfig, run: int | None = None
     ) -> Self:
         """Return the rules of a network.
 
@@ -241,8 +245,14 @@ def explain(parts: Sequence[RuleBase], observation: Mapping[str, float]) -> Expl
         observation: a number for each state input by name.
 
     Raises:
-        RulesError: if a state input is missing or a name is unknown.
+        RulesError: if a state input is missing or a name is unknown, or if each rule chooses an
+            action (fuzzy Q-learning), so that no actions are compared.
     """
+    if not all(part.compares for part in parts):
+        raise RulesError(
+            "explain: fuzzy Q-learning compares no actions, since each rule chooses its own; "
+            "its controller's sentences say which"
+        )
     states = {variable.name: variable for part in parts for variable in part.states}
     observed([*states.values()], observation)
     candidates = torch.tensor(parts[0].candidates, dtype=torch.float64)
@@ -260,25 +270,6 @@ def explain(parts: Sequence[RuleBase], observation: Mapping[str, float]) -> Expl
         candidates,
         torch.cat(firing, dim=-1),
     )
-
-
-def rule_bases(
-    network: ValueNetwork, config: LabelsConfig, world: WorldConfig, run: int | None = None
-) -> tuple[RuleBase, ...]:
-    """Return the rule bases of a network: several for a sum of rule bases, none without rules.
-
-    Args:
-        network, config, world, run: as in :meth:`RuleBase.from_network`.
-    """
-    if isinstance(network, FNNQValue):
-        return (RuleBase.from_network(network, config, world, run),)
-    if not isinstance(network, FNNQSumValue):
-        return ()
-    parts = []
-    for part in cast(Iterable[FNNQValue], network.parts):
-        of_part = replace(config, inputs={name: config.inputs[name] for name in part.in_keys})
-        parts.append(RuleBase.from_network(part, of_part, world, run))
-    return tuple(parts)
 
 
 def partition(

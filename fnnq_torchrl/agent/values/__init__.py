@@ -8,6 +8,7 @@ from fnnq_torchrl.config.values import CLUSTERED, ValueConfig
 
 from .base import ValueNetwork
 from .fnnq import FNNQValue
+from .fuzzy_q import FuzzyQValue
 from .mlp import MLPValue
 from .rbf import RBFValue
 from .sums import FNNQSumValue
@@ -18,6 +19,7 @@ __all__ = [
     "NETWORKS",
     "FNNQSumValue",
     "FNNQValue",
+    "FuzzyQValue",
     "MLPValue",
     "RBFValue",
     "TableValue",
@@ -29,6 +31,7 @@ __all__ = [
 NETWORKS: dict[str, type[ValueNetwork]] = {
     "fnnq": FNNQValue,
     "fnnq_sum": FNNQSumValue,
+    "fuzzy_q": FuzzyQValue,
     "mlp": MLPValue,
     "rbf": RBFValue,
     "table": TableValue,

@@ -1,6 +1,7 @@
 """The base class of value networks."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar, Self
 
 from tensordict import TensorDictBase
@@ -8,6 +9,13 @@ from torch import Tensor, nn
 from torch.func import functional_call
 
 from fnnq_torchrl.config.values import ValueConfig
+from fnnq_torchrl.equations.layout import per_run
+
+Choose = Callable[[Tensor, Tensor], Tensor]
+"""A policy's choice, from values ``[candidates, ...]`` and U[0, 1) ``[...]`` to actions ``[...]``.
+
+Here ``...`` is ``runs, *batch``, after ``rules`` if each rule chooses.
+"""
 
 
 class ValueNetwork(nn.Module, ABC):
@@ -27,6 +35,12 @@ class ValueNetwork(nn.Module, ABC):
     They don't learn, but :meth:`observed` updates them at every step of learning. :meth:`start`
     returns them together with the weights, so that they are saved with the weights.
     """
+
+    choice_key: ClassVar[str] = "action"
+    """The key of what a policy chooses, which :meth:`forward` takes as its action."""
+
+    chance_keys: ClassVar[tuple[str, ...]] = ("chance",)
+    """The keys of the entries that the random numbers of a choice come from."""
 
     candidates: Tensor
 
@@ -86,6 +100,40 @@ class ValueNetwork(nn.Module, ABC):
         Returns:
             ``[runs, *batch, 1]`` or ``[runs, *batch, candidates]``.
         """
+
+    def decide(self, state: TensorDictBase, choose: Choose) -> dict[str, Tensor]:
+        """Let a policy choose in a state, and return the entries that it writes.
+
+        Args:
+            state: a TensorDict ``[runs, *batch]`` with the observations and ``chance_keys``.
+            choose: the policy's choice.
+
+        Returns:
+            ``action_value``, the result of :meth:`forward` for all candidates; ``action``,
+            ``[runs, *batch, 1]``; and what was chosen, under ``choice_key``.
+        """
+        values = self.values_in(state)
+        action = choose(values.movedim(-1, 0), per_run(state["chance"]))
+        return {"action_value": values, "action": action.unsqueeze(-1)}
+
+    def best(self, action_values: Tensor) -> Tensor:
+        """Return V(s) = max Q(s, ·), ``[runs, *batch, 1]``.
+
+        Args:
+            action_values: the result of :meth:`forward` for all candidates.
+        """
+        return action_values.amax(-1, keepdim=True)
+
+    def greedy(self, *observations: Tensor) -> Tensor:
+        """Return the action with the highest value, or the first of equally good ones.
+
+        Args:
+            *observations: as in :meth:`forward`.
+
+        Returns:
+            ``[runs, *batch, 1]``.
+        """
+        return self.candidates[self(*observations).argmax(-1, keepdim=True)]
 
     def values_in(self, state: TensorDictBase, action: Tensor | None = None) -> Tensor:
         """Return Q for the observations in a TensorDict; otherwise as :meth:`forward`.

@@ -76,9 +76,10 @@ def make_step(
 ) -> tuple[Step, TensorDict, TensorDict]:
     """Return the step of two runs, its constant inputs and the state before the first step.
 
-    Besides ``world``, the state has ``action``, ``action_value`` of all candidates, ``done`` and
-    ``success``. For a network with rules the state also has ``fired``, the strength with which each
-    rule fired for the action, in the shape of the consequents.
+    Besides ``world``, the state has ``action``, ``action_value`` of all candidates (its sum over
+    the rules, if each rule chooses an action), ``done`` and ``success``. For a network with rules
+    of state and action the state also has ``fired``, the strength with which each rule fired for
+    the action, in the shape of the consequents.
 
     Args:
         world, network, seed: as in :func:`write_program`.
@@ -118,7 +119,8 @@ def _step(env: HeldBall, network: ValueNetwork) -> Step:
             return chosen.sum(), None
 
         after = env.step(acted)["next"]
-        told = {key: acted[key] for key in ("action", "action_value")}
+        action_value = acted["action_value"].view(2, -1, len(network.candidates)).sum(1)
+        told = {"action": acted["action"], "action_value": action_value}
         told |= {key: after[key] for key in ("done", "success")}
         if "fired" in state:
             told["fired"] = gradient(value, weights)[0]["weight"]

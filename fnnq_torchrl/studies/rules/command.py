@@ -1,4 +1,4 @@
-"""Print, explain and export the rules that a job of value=fnnq or value=fnnq_sum has learned.
+"""Print, explain and export the rules that a job of value=fnnq, fnnq_sum or fuzzy_q has learned.
 
     python -m fnnq_torchrl.rules run=DIR                       # the rules and the controller
     python -m fnnq_torchrl.rules run=DIR explain.bearing=0.3   # why it takes its action

@@ -17,7 +17,7 @@ from fnnq_torchrl.training.weights import load_checkpoint
 
 BEST, MEAN = "best", "mean"
 
-KINDS = ("fnnq", "fnnq_sum")
+KINDS = ("fnnq", "fnnq_sum", "fuzzy_q")
 """The value functions with rules."""
 
 
@@ -117,8 +117,8 @@ def read_job(directory: Path, *, own: bool = False) -> Job:
     checkpoint = load_checkpoint(directory / "checkpoint.pt")
     config = to_config(checkpoint.config, own=own)
     if config.value.kind not in KINDS:
-        known = " or ".join(KINDS)
-        raise RulesError(f"{directory}: value={config.value.kind} has no rules; {known} has")
+        words = f"value={config.value.kind} has no rules; {', '.join(KINDS)} have"
+        raise RulesError(f"{directory}: {words}")
     weights = TensorDict(checkpoint.weights, [len(checkpoint.seed)])
     return Job(directory, config, checkpoint.seed, weights)
 
