@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from .pcg import CHANCE, draw
 
-PERTURBATION = 5
+LEARNER, LAST_EPISODE = 5, 2**33 - 1
 
 
 class Learned(NamedTuple):
@@ -38,7 +38,7 @@ def ring_step(state: int, action: int, states: int, far_reward: float) -> tuple[
 
 def normals(seed: int, step: int) -> tuple[float, float, float]:
     """Return the perturbations of α, the temperature and γ at a step."""
-    u, v, other_u, other_v = map(uniform, draw(seed, 0, step, PERTURBATION))
+    u, v, other_u, other_v = map(uniform, draw(seed, LAST_EPISODE, step, LEARNER))
     radius, other = sqrt(-2 * log(1 - u)), sqrt(-2 * log(1 - other_u))
     return radius * cos(2 * pi * v), radius * sin(2 * pi * v), other * cos(2 * pi * other_v)
 
