@@ -8,6 +8,7 @@ from envs.classic.schemas import (
 )
 from envs.core.world import WorldConfig
 from envs.from_gymnasium.schemas import GymnasiumConfig
+from envs.from_torchrl.schemas import TorchRLConfig
 from envs.robot.schemas import (
     FollowBallConfig,
     FollowObstaclesConfig,
@@ -24,5 +25,6 @@ SCHEMAS: dict[str, type[WorldConfig]] = {
     "gymnasium": GymnasiumConfig,
     "mountain_car": MountainCarConfig,
     "random_walk": RandomWalkConfig,
+    "torchrl": TorchRLConfig,
     "wander": WanderConfig,
 }

@@ -10,6 +10,7 @@ from envs.core.pure import PureEnv
 from envs.core.registry import class_of
 from envs.core.world import WorldConfig
 from envs.from_gymnasium.world import GymnasiumWorld
+from envs.from_torchrl.world import TorchRLWorld
 from envs.robot.follow import FollowBall
 from envs.robot.follow_obstacles import FollowObstacles
 from envs.robot.one_side import FollowOneSide
@@ -24,6 +25,7 @@ WORLDS: dict[str, type[PureEnv]] = {
     "gymnasium": GymnasiumWorld,
     "mountain_car": MountainCar,
     "random_walk": RandomWalk,
+    "torchrl": TorchRLWorld,
     "wander": Wander,
 }
 
