@@ -12,13 +12,14 @@ STEPS := 10
 JAX := benchmarks/.jax
 VMAS := benchmarks/.vmas
 IRSIM := benchmarks/.irsim
+STREAM := benchmarks/.streaming-drl
 SB3 := benchmarks/peers/.venv
 FOREIGN := tests/foreign/.venv
 BROWSER := tests/browser/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator textbook test test-long foreign browser docs fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator textbook stream-q test test-long foreign browser docs fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
@@ -65,6 +66,14 @@ textbook: install  ## docs/textbook.md: figures of Sutton and Barto's book, 1,00
 	$(EXPERIMENT) +experiment=sutton_barto_12_11
 	$(EXPERIMENT) +experiment=sutton_barto_12_6
 	$(BIN)/python -m fnnq_torchrl.textbook
+
+# The licence of the authors' program allows running it, but not a copy of it in this repository.
+stream-q: install  ## docs/stream_q.md: Stream Q(λ), ours beside its authors' program, which git fetches (takes an hour)
+	-@test -d $(STREAM) || git clone -q https://github.com/mohmdelsayed/streaming-drl $(STREAM)
+	-@git -C $(STREAM) checkout -q 407dca7
+	$(EXPERIMENT) +experiment=stream_q
+	$(EXPERIMENT) task=follow evaluation=none evaluation.every=20 situations=2000 num_seeds=100 hydra.run.dir=outputs/stream_q_fuzzy
+	$(BIN)/python -m benchmarks.stream_q
 
 memberships: install  ## docs/memberships.md: are clustered labels better than those by hand, over 1,000 seeds (takes five minutes)
 	$(EXPERIMENT) num_seeds=22 hydra.run.dir=outputs/visited
@@ -142,7 +151,7 @@ format: install  ## rewrite the code as ruff would have it
 	$(BIN)/ruff format
 
 clean:  ## remove .venv and the environments of benchmarks, foreign readers and the browser, dist and caches, never outputs/
-	rm -rf $(VENV) docs/_site $(JAX) $(VMAS) $(IRSIM) $(SB3) $(FOREIGN) $(BROWSER) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) docs/_site $(JAX) $(VMAS) $(IRSIM) $(STREAM) $(SB3) $(FOREIGN) $(BROWSER) dist .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 # The pins hold for build backends too; from pip 25.3 on these have their own variable.
 $(STAMP) $(VENV)/docs $(SB3)/installed: export PIP_CONSTRAINT := constraints.txt

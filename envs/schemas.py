@@ -11,6 +11,7 @@ from envs.classic.schemas import (
 )
 from envs.core.world import WorldConfig
 from envs.from_gymnasium.schemas import GymnasiumConfig
+from envs.from_torchrl.schemas import TorchRLConfig
 from envs.robot.schemas import (
     FollowBallConfig,
     FollowObstaclesConfig,
@@ -29,6 +30,7 @@ SCHEMAS: dict[str, type[WorldConfig]] = {
     "mountain_car": MountainCarConfig,
     "random_walk": RandomWalkConfig,
     "ring": RingConfig,
+    "torchrl": TorchRLConfig,
     "two_states": TwoStatesConfig,
     "wander": WanderConfig,
 }

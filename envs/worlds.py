@@ -13,6 +13,7 @@ from envs.core.pure import PureEnv
 from envs.core.registry import class_of
 from envs.core.world import WorldConfig
 from envs.from_gymnasium.world import GymnasiumWorld
+from envs.from_torchrl.world import TorchRLWorld
 from envs.robot.follow import FollowBall
 from envs.robot.follow_obstacles import FollowObstacles
 from envs.robot.one_side import FollowOneSide
@@ -29,6 +30,7 @@ WORLDS: dict[str, type[PureEnv]] = {
     "mountain_car": MountainCar,
     "random_walk": RandomWalk,
     "ring": Ring,
+    "torchrl": TorchRLWorld,
     "two_states": TwoStates,
     "wander": Wander,
 }

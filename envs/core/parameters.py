@@ -268,6 +268,15 @@ def or_null(declared: Any, **default: Any) -> Any:
     )
 
 
+def plain(**default: Any) -> Any:
+    """Declare a field for a mapping of plain values; the range is that of each value."""
+    return _declare(
+        lambda value: value is None or isinstance(value, str | bool) or _is_finite(value),
+        "a text, a number, true, false or null",
+        **default,
+    )
+
+
 def flag(**default: Any) -> Any:
     """Declare a boolean field."""
     return _declare(lambda value: isinstance(value, bool), "true or false", **default)

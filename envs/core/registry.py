@@ -10,8 +10,12 @@ from envs.core.parameters import ConfigError, Parameters
 
 Entry = TypeVar("Entry")
 
-KIND = r"\w+|[\w.]+:\w+", "a name, or module:Class"
-"""The regular expression that a kind matches, and its description in words."""
+KIND = r"\w+|(\w+:)?[\w.]+:\w+", "a name, or module:Class"
+"""The regular expression that a kind matches, and its description in words.
+
+A kind with two colons is a name and the class of another library that it adapts, as in
+``torchrl:torchrl.envs:PendulumEnv``.
+"""
 
 
 def is_own(kind: object) -> bool:
@@ -19,15 +23,54 @@ def is_own(kind: object) -> bool:
     return isinstance(kind, str) and ":" in kind
 
 
+def names_code(key: str, value: object) -> bool:
+    """Return whether a key's value names code that would be imported, or is passed to such code.
+
+    It is a user's class, an environment of Gymnasium with its module (``module:Name-v0``), or an
+    argument of another library's class.
+
+    Args:
+        key: the key with its groups.
+        value: its value.
+    """
+    named = is_own(value) and (key.endswith(".kind") or key == "env.id")
+    return named or key.startswith("env.arguments.")
+
+
 def kinds_in_words(known: Iterable[str]) -> str:
     """Return the allowed kinds in words that can follow "must be"."""
     return f"{', '.join(known)} or your own module:Class"
 
 
-def own_class(group: str, kind: str) -> type[Any]:
-    """Import and check the user's class that a kind names.
+def _adapter_of(kind: str) -> str | None:
+    """Return the name of the adapter in ``adapter:module:Class``, None if there is none."""
+    adapter, _, rest = kind.partition(":")
+    return adapter if ":" in rest else None
+
+
+def imported_class(group: str, kind: str) -> Any:
+    """Import what a kind names in a module of the user's.
 
     The module is searched for on Python's path, and then in the current directory.
+
+    Args:
+        group: the configuration's group, ``env`` or ``value``.
+        kind: ``module:Class`` or ``adapter:module:Class``.
+
+    Raises:
+        ConfigError: if there is no such module or class.
+    """
+    *_, module, name = kind.split(":")
+    if "" not in sys.path:  # the current directory, missing in a console script
+        sys.path.append("")
+    try:
+        return getattr(import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ConfigError(f"{group}.kind={kind}: {error}") from error
+
+
+def own_class(group: str, kind: str) -> type[Any]:
+    """Import and check the user's class that a kind names.
 
     Args:
         group: the configuration's group, ``env`` or ``value``.
@@ -38,13 +81,7 @@ def own_class(group: str, kind: str) -> type[Any]:
             from :class:`envs.core.parameters.Parameters`, or the class or its schema leaves an
             abstract method undefined.
     """
-    module, _, name = kind.partition(":")
-    if "" not in sys.path:  # the current directory, missing in a console script
-        sys.path.append("")
-    try:
-        found = getattr(import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ConfigError(f"{group}.kind={kind}: {error}") from error
+    found = imported_class(group, kind)
     schema = getattr(found, "schema", None)
     if not (isinstance(schema, type) and issubclass(schema, Parameters)):
         raise ConfigError(
@@ -59,12 +96,24 @@ def own_class(group: str, kind: str) -> type[Any]:
 
 
 def source_of(group: str, kind: str) -> str:
-    """Return the source code of the module that defines a user's class.
+    """Return the source code of the module that defines the class that a kind names.
 
     Raises:
-        ConfigError: see :func:`own_class`.
+        ConfigError: see :func:`imported_class`.
     """
-    return inspect.getsource(sys.modules[own_class(group, kind).__module__])
+    return inspect.getsource(sys.modules[imported_class(group, kind).__module__])
+
+
+def _known_adapter(group: str, kind: str, known: Mapping[str, Entry]) -> Entry | None:
+    """Return the entry of a kind's adapter, None if the kind has no adapter.
+
+    Raises:
+        ConfigError: if there is no such adapter.
+    """
+    adapter = _adapter_of(kind)
+    if adapter is not None and adapter not in known:
+        raise ConfigError(f"{group}.kind={kind}: {adapter} adapts no other library's classes")
+    return None if adapter is None else known[adapter]
 
 
 def schema_of(group: str, kind: str, known: Mapping[str, type[Parameters]]) -> type[Parameters]:
@@ -72,12 +121,14 @@ def schema_of(group: str, kind: str, known: Mapping[str, type[Parameters]]) -> t
 
     Args:
         group: the configuration's group, ``env`` or ``value``.
-        kind: a name in ``known``, or ``module:Class``.
+        kind: a name in ``known``, ``module:Class``, or a name in ``known`` before them.
         known: the built-in schemas by kind.
 
     Raises:
-        ConfigError: see :func:`own_class`.
+        ConfigError: see :func:`own_class`; or if there is no such adapter.
     """
+    if (adapter := _known_adapter(group, kind, known)) is not None:
+        return adapter
     if is_own(kind):
         schema: type[Parameters] = own_class(group, kind).schema
         return schema
@@ -89,13 +140,15 @@ def class_of(group: str, kind: str, known: Mapping[str, type[Entry]], base: type
 
     Args:
         group: the configuration's group, ``env`` or ``value``.
-        kind: a name in ``known``, or ``module:Class``.
+        kind: a name in ``known``, ``module:Class``, or a name in ``known`` before them.
         known: the built-in classes by kind.
         base: the class from which a user's class must inherit.
 
     Raises:
         ConfigError: see :func:`own_class`; or if the class doesn't inherit from ``base``.
     """
+    if (adapter := _known_adapter(group, kind, known)) is not None:
+        return adapter
     if not is_own(kind):
         return known[kind]
     found: type[Any] = own_class(group, kind)

@@ -1,151 +1,54 @@
 """Any Gymnasium environment as a world, one environment for each run."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
-from tensordict import TensorDict, TensorDictBase
-from torch import Tensor
 
-from envs.core import streams
-from envs.core.pure import WHEN, Entries, PureEnv
-from envs.core.streams import Stream
 from envs.from_gymnasium.schemas import GymnasiumConfig, make
+from envs.singles.world import Moment, Single, SinglesWorld
 
 if TYPE_CHECKING:
     import gymnasium
 
 
-class _Moment(NamedTuple):
-    """The outcome of a step, or the first observation of an episode."""
-
-    seen: Any
-    reward: float = 0.0
-    terminated: bool = False
-    truncated: bool = False
-
-
-class _Lane:
-    """An environment of one run, with the episode and the actions that it has played."""
+class _GymnasiumSingle(Single):
+    """An environment of Gymnasium's registry."""
 
     def __init__(self, world: GymnasiumConfig) -> None:
         limit = world.time_limit_steps
         self._env: gymnasium.Env[Any, Any] = make(world.id, max_episode_steps=limit)
-        self._spaces = world.spaces
-        self._episode: tuple[int, int] | None = None
-        self._actions: list[float] = []
-        self._moment = _Moment(None)
+        # The number of the first action of a fixed set; None for a range of actions.
+        first = getattr(self._env.action_space, "start", None)
+        self._first = None if first is None else int(first)
 
-    def play(self, episode: tuple[int, int], seed: int, actions: list[float]) -> _Moment:
-        """Return the outcome of an episode's last action.
+    def reset(self, seed: int) -> Sequence[float]:
+        return _row(self._env.reset(seed=seed)[0])
 
-        If the environment has already played a first part of these actions, only the rest is
-        played; otherwise the episode is played from its start.
-
-        Args:
-            episode: the run's seed and the episode's number.
-            seed: Gymnasium's seed of this episode.
-            actions: all actions of the episode so far.
-        """
-        if self._episode != episode or self._actions != actions[: len(self._actions)]:
-            self._episode, self._actions = episode, []
-            self._moment = _Moment(self._env.reset(seed=seed)[0])
-        for action in actions[len(self._actions) :]:
-            if not (self._moment.terminated or self._moment.truncated):
-                seen, reward, terminated, truncated, _ = self._env.step(self._given(action))
-                self._moment = _Moment(seen, float(reward), bool(terminated), bool(truncated))
-            self._actions.append(action)
-        return self._moment
-
-    def _given(self, action: float) -> Any:
-        if isinstance(self._spaces.actions, int):
-            return self._spaces.first_action + int(action)
-        return np.array([action], dtype=self._env.action_space.dtype)
+    def step(self, action: float) -> Moment:
+        given = (
+            np.array([action], dtype=self._env.action_space.dtype)
+            if self._first is None
+            else self._first + int(action)
+        )
+        seen, reward, terminated, truncated, _ = self._env.step(given)
+        return Moment(_row(seen), float(reward), bool(terminated), bool(truncated))
 
 
-class GymnasiumWorld(PureEnv):
+class GymnasiumWorld(SinglesWorld):
     """A batch of environments of Gymnasium's registry.
-
-    The state is the seed, the episode and ``history``, the actions so far. An environment that has
-    played other actions, as after an interruption, plays the episode again from its start. So a run
-    doesn't depend on its batch if the environment's only source of randomness is its seed.
 
     Arguments: see :class:`envs.core.pure.PureEnv`; the values of ``world`` are in
     ``conf/env/gymnasium.yaml``.
     """
 
     schema = GymnasiumConfig
-    state_keys = ("history",)
     world: GymnasiumConfig
 
-    def __init__(self, *args: Any, **settings: Any) -> None:
-        super().__init__(*args, **settings)
-        self._lanes: dict[int, _Lane] = {}
+    def make_single(self) -> Single:
+        return _GymnasiumSingle(self.world)
 
-    @property
-    def state_sizes(self) -> dict[str, int]:
-        """The size of ``history``: one place for each action of an episode."""
-        return {"history": self.world.time_limit_steps}
 
-    def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
-        history = seed.new_zeros((*seed.shape[:-1], self.world.time_limit_steps), dtype=self.dtype)
-        moments = self._play(seed, episode, torch.zeros_like(episode), history)
-        return {**self._seen(moments, seed), "history": history}
-
-    def transition(self, state: Entries, action: Tensor) -> Entries:
-        seed, episode, step = (state[key] for key in WHEN)
-        place = (step - 1).clamp(0, self.world.time_limit_steps - 1)
-        history = state["history"].scatter(-1, place, action.to(self.dtype))
-        moments = self._play(seed, episode, step, history)
-        rewards, ends, cuts = (
-            torch.tensor([getattr(moment, name) for moment in moments], device=seed.device)
-            for name in ("reward", "terminated", "truncated")
-        )
-        return {
-            **self._seen(moments, seed),
-            "history": history,
-            "reward": rewards.to(self.dtype).view(seed.shape),
-            "terminated": ends.view(seed.shape),
-            "truncated": cuts.view(seed.shape),
-        }
-
-    def restart(self, after: TensorDictBase) -> TensorDict:
-        """Return the state before the next step; only environments that are done are reset."""
-        done = after["done"]
-        kept = {key: after[key] for key in (*self._kept, "chance", *WHEN)}
-        if done.any():
-            kept["episode"] = kept["episode"] + done
-            kept["step"] = kept["step"].masked_fill(done, 0)
-            kept["history"] = kept["history"].masked_fill(done, 0)
-            seed, episode, step = (kept[key] for key in WHEN)
-            kept |= self._seen(self._play(seed, episode, step, kept["history"]), done)
-            words = streams.draw(seed, episode, step, Stream.CHANCE)
-            fresh = streams.uniform(words[0], self.dtype)
-            kept["chance"] = torch.where(done, fresh, kept["chance"])
-        return self.pack(kept)
-
-    def _play(self, seed: Tensor, episode: Tensor, step: Tensor, history: Tensor) -> list[_Moment]:
-        """Return the outcome in every environment; equal episodes, as in idle lanes, play once."""
-        words = streams.draw(seed, episode, torch.zeros_like(episode), Stream.START)
-        high, low = (word.to(torch.int64) & 0x7FFFFFFF for word in words[:2])
-        seeds = (high << 31) | low
-        found: dict[Any, _Moment] = {}
-        moments = []
-        numbers = (x.flatten().tolist() for x in (seed, episode, step, seeds))
-        rows = history.flatten(0, -2).cpu() if history.ndim > 1 else history.unsqueeze(0).cpu()
-        for lane, (run, number, steps, own) in enumerate(zip(*numbers, strict=True)):
-            actions = rows[lane, :steps].tolist()
-            key = (run, number, tuple(actions))
-            if key not in found:
-                if lane not in self._lanes:
-                    self._lanes[lane] = _Lane(self.world)
-                found[key] = self._lanes[lane].play((run, number), own, actions)
-            moments.append(found[key])
-        return moments
-
-    def _seen(self, moments: list[_Moment], like: Tensor) -> Entries:
-        rows = np.array([np.ravel(moment.seen) for moment in moments], dtype=np.float64)
-        columns = torch.from_numpy(rows).to(like.device, self.dtype).unbind(-1)
-        return {
-            key: column.view(like.shape) for key, column in zip(self.seen, columns, strict=True)
-        }
+def _row(seen: Any) -> Sequence[float]:
+    row: list[float] = np.ravel(seen).tolist()
+    return row

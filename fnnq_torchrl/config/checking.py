@@ -17,7 +17,7 @@ from omegaconf.errors import (
 )
 
 from envs.core.parameters import ConfigError, OutOfRange, Parameters, allowed
-from envs.core.registry import is_own, kinds_in_words, schema_of
+from envs.core.registry import is_own, kinds_in_words, names_code, schema_of
 from envs.schemas import SCHEMAS as WORLDS
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
@@ -75,6 +75,8 @@ def to_config(node: DictConfig | dict[str, Any], *, own: bool = False) -> Config
         for key, value in flat(plain).items():
             if re.search(r"\$\{.*:", str(value)):  # an interpolation that calls a function
                 raise ConfigError(f"{key}={value}: must be a plain value")
+            if not key.endswith(".kind") and names_code(key, value):
+                raise ConfigError(f"{key}={value}: names code from outside fnnq_torchrl")
     kinds = {group: kind for group in _OF_KINDS if (kind := _kind(plain, group, own)) is not None}
     try:
         return cast(Config, OmegaConf.to_object(OmegaConf.merge(_schema(**kinds), plain)))

@@ -14,7 +14,7 @@ import yaml
 from hydra.core.config_store import ConfigStore
 from omegaconf.errors import OmegaConfBaseException
 
-from envs.core.registry import is_own
+from envs.core.registry import names_code
 from fnnq_torchrl.config.checking import flat, to_config
 from fnnq_torchrl.config.choices import choices_of, config_directory
 from fnnq_torchrl.config.schema import Config, ConfigError
@@ -72,13 +72,14 @@ def saved_config(directory: Path, typed: Sequence[str] = ()) -> Config:
         raise ConfigError(
             f"{_WORD}{directory}: has no .hydra/config.yaml; name the directory of one job"
         )
+    named = {line.lstrip("+") for line in typed}
     plain = parse_settings(path.read_bytes())
     if plain is None:
         raise ConfigError(f"{path} is damaged, or not a configuration")
     for key, value in flat(plain).items():
         if re.search(r"\$\{.*:", str(value)):  # a resolver, which is a function call
             raise ConfigError(f"{path}: {key}={value}: must be a plain value")
-        if key.endswith(".kind") and is_own(value) and f"{key}={value}" not in typed:
+        if names_code(key, value) and f"{key}={value}" not in named:
             raise ConfigError(
                 f"{path}: {key}={value} names code from outside fnnq_torchrl; "
                 f"if you trust it, add {key}={value} to the command"

@@ -241,8 +241,8 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         (
             "env.kind=maze",
             "env.kind=maze: must be acrobot, cart_pole, chain, follow_ball, follow_obstacles, "
-            "follow_one_side, gymnasium, mountain_car, random_walk, ring, two_states, wander or "
-            "your own module:Class",
+            "follow_one_side, gymnasium, mountain_car, random_walk, ring, torchrl, two_states, "
+            "wander or your own module:Class",
         ),
         ("env.kind=nowhere:Maze", "env.kind=nowhere:Maze: No module named 'nowhere'"),
         (

@@ -173,3 +173,10 @@ def test_it_is_one_command(tmp_path, capsys) -> None:
     words = ("task=gymnasium", "env.id=CartPole-v1", "situations=5", "env.time_limit_steps=6")
     assert fnnq_train(*words, f"hydra.run.dir={tmp_path}", "evaluation=none") == 0
     assert (tmp_path / "evaluations.csv").exists()
+
+
+def test_the_time_limit_is_the_registrys_unless_another_is_given() -> None:
+    assert make().world.time_limit_steps == 500
+    assert make("env.id=MountainCar-v0").world.time_limit_steps == 200
+    assert make("env.id=tests/Cuts-v0").world.time_limit_steps == 1_000
+    assert make("env.time_limit_steps=7").world.time_limit_steps == 7

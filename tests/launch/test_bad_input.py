@@ -125,7 +125,8 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
             2,
             "env=null: must be acrobot or cart_pole or cart_pole_gymnasium or chain or "
             "follow_ball or follow_obstacles or follow_one_side or gymnasium or mountain_car or "
-            "mountain_car_gymnasium or own or random_walk or ring or two_states or wander",
+            "mountain_car_gymnasium or own or random_walk or ring or torchrl or "
+            "two_states or wander",
         ),
         "train checkpoint=5": (2, "checkpoint=5: must be a mapping of every_s, snapshots"),
         "train -m lam=0.1,abc": (2, "job 1 (lam=abc): lam=abc: must be a number in [0, 1]"),

@@ -1,5 +1,6 @@
 """``from=DIR`` takes the configuration of an earlier job; what else is typed changes it."""
 
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.config.loggers import LoggerConfig
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.launch.composition import load_config
@@ -203,3 +205,24 @@ def test_code_of_ones_own_runs_if_it_is_typed(
     assert load_config("from=job", "value.kind=of_mine:Mine").value.kind == "of_mine:Mine"
     with pytest.raises(ConfigError, match=r"add value\.kind=of_mine:Mine to the command$"):
         load_config("from=job")
+
+
+@pytest.mark.parametrize(
+    ("env", "named"),
+    [
+        ({"kind": "gymnasium", "id": "of_mine:Maze-v0"}, "env.id=of_mine:Maze-v0"),
+        (
+            {"kind": "torchrl:torchrl.envs:PendulumEnv", "arguments": {"seed": 3}},
+            "env.kind=torchrl:torchrl.envs:PendulumEnv",
+        ),
+        ({"kind": "gymnasium", "id": "CartPole-v1", "arguments": {"x": 1}}, "env.arguments.x=1"),
+    ],
+)
+def test_an_environments_module_is_imported_only_if_it_is_typed(
+    edit: Callable[..., Path], tmp_path: Path, env: dict[str, object], named: str
+) -> None:
+    path = edit({"env": {**env, "time_limit_steps": 9}})
+    with pytest.raises(ConfigError, match=f"add {re.escape(named)} to the command$"):
+        load_config("from=job")
+    with pytest.raises(ConfigError, match=r"untrusted|names code from outside"):
+        to_config(yaml.safe_load(path.read_text()))

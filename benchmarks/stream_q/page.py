@@ -1,0 +1,234 @@
+"""The page docs/stream_q.md, written from the results."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import ttest_ind
+
+from benchmarks.tables import table
+from envs.pictures import Figure, own_style
+from fnnq_torchrl.training.intervals import mean_interval
+from fnnq_torchrl.training.pictures.style import COLOURS, count_words, new_figure, quiet_grid
+from fnnq_torchrl.training.results import CONFIDENCE
+
+from .results import PARTS
+
+TITLES = {
+    "cart_pole": "CartPole-v1",
+    "acrobot": "Acrobot-v1",
+    "follow": "the paper's ball",
+}
+"""The title of each task."""
+
+OURS, THEIRS, LONGER, FUZZY = "ours", "theirs", "longer", "fuzzy"
+
+LAST = PARTS // 5
+"""The number of parts at the end, over which the final return is taken."""
+
+_WORDS = {
+    OURS: "ours",
+    THEIRS: "its authors' program",
+    LONGER: "ours",
+    FUZZY: "the paper's fuzzy network",
+}
+
+_PAGE = """# Stream Q(λ)
+
+Stream Q(λ) learns with a multilayer perceptron and eligibility traces, from each step once and
+without a replay buffer: M. Elsayed, G. Vasan, A. R. Mahmood, *Streaming deep reinforcement learning
+finally works*, 2024. This page runs its recipe with this program, and with the program of its
+authors ([mohmdelsayed/streaming-drl](https://github.com/mohmdelsayed/streaming-drl)).
+
+{conclusions}
+
+![Return against learning steps](figures/stream_q.png)
+
+`make stream-q` writes this page from result files. The authors' program isn't part of this
+repository: its licence is CC BY-NC. The command fetches it. Without it, the page has what was
+measured earlier, on {dates}.
+
+## The recipe
+
+γ = 0.99, λ = 0.8, ObGD with α = 1 and κ = 2; two hidden layers of 32 normalised units with leaky
+relus, and an output for each action; nine of ten weights start at 0. ε falls from 1 to 0.01 over
+the first 5 % of the steps. Observations are normalised by their running mean and variance, and
+rewards divided by the running standard deviation of their discounted sum.
+
+```
+python -m fnnq_torchrl.train +experiment=stream_q
+python -m fnnq_torchrl.train +experiment=stream_q task=acrobot epsilon_over=2500 situations=600
+```
+
+## Returns
+
+The measure is the return of the learning episodes, with exploration: the mean over all steps, and
+over the last fifth of the steps. Both programs have the time limit of Gymnasium's registry; the
+authors' program itself asks for 10,000 steps an episode. Brackets are {confidence:g} % Student's t
+intervals over the seeds. In the task of the ball, a catch is worth 1 and a miss −0.5, and all have
+21 candidate actions.
+
+{returns}
+{fuzzy}
+## What differs
+
+* *Where the trace is cut.* Watkins' Q(λ) cuts the trace before an exploratory action, so that
+  earlier pairs aren't credited with what follows it. The authors' program updates all earlier pairs
+  with the exploratory action's error, and clears the trace after that.
+* *Truncation.* An episode that is cut off at the time limit bootstraps from its last state here. In
+  the authors' program its last target doesn't.
+* *The first layer.* The program sets nine tenths of each unit's incoming weights to 0, rounded up:
+  with fewer than ten inputs, that is all of them. Here at least one weight of each unit isn't 0.
+* *Time.* The program adds the time within the episode to the observations, as a further input that
+  rises from −0.5 to 0.5 up to the time limit.
+* *Acrobot's observations* are the two angles and speeds here, and the angles' sines and cosines and
+  the speeds in Gymnasium.
+* *Precision.* Statistics are float32 here and float64 there.
+"""
+
+
+class Series(NamedTuple):
+    """The runs of one learner on one task with one number of steps.
+
+    Attributes:
+        task: a key of `TITLES`.
+        who: ours, theirs, longer (ours with more steps) or fuzzy.
+        steps: the number of learning steps.
+        returns: the mean return in each part of the steps, ``[runs, PARTS]``.
+    """
+
+    task: str
+    who: str
+    steps: int
+    returns: NDArray[np.float64]
+
+    @property
+    def final(self) -> NDArray[np.float64]:
+        """The mean return over the last fifth of the steps, ``[runs]``."""
+        means: NDArray[np.float64] = self.returns[:, -LAST:].mean(axis=1)
+        return means
+
+
+def write_page(series: Sequence[Series], dates: Sequence[str]) -> str:
+    """Return the page.
+
+    Args:
+        series: the results of both programs.
+        dates: the days on which the authors' program was measured.
+    """
+    known = {(each.task, each.who): each for each in series}
+    days = sorted({*dates})
+    fuzzy = known.get(("follow", FUZZY))
+    return _PAGE.format(
+        conclusions="\n".join(f"* {line}" for line in _conclusions(known)),
+        dates=" to ".join(dict.fromkeys((days[0], days[-1]))) if days else "no day yet",
+        confidence=100 * CONFIDENCE,
+        returns=_table([each for each in series if each.who != FUZZY]),
+        fuzzy="" if fuzzy is None else _of_fuzzy(fuzzy, known.get(("follow", OURS))),
+    )
+
+
+def _table(series: Sequence[Series]) -> str:
+    rows = [
+        (
+            TITLES[each.task],
+            _WORDS[each.who],
+            f"{len(each.returns)}",
+            f"{each.steps:,}",
+            _interval(each.returns.mean(axis=1)),
+            _interval(each.final),
+        )
+        for each in series
+    ]
+    head = ("task", "program", "seeds", "steps", "mean return", "last fifth")
+    return table(head, rows) + "\n"
+
+
+def _of_fuzzy(fuzzy: Series, ours: Series | None) -> str:
+    beside = "" if ours is None else f", the recipe's perceptron {_catches(ours)}"
+    return (
+        "\nIn the task of the ball, the paper's fuzzy network with the defaults of this program "
+        f"catches {_catches(fuzzy)} of the balls in the last fifth of as many steps{beside}.\n"
+    )
+
+
+def _catches(series: Series) -> str:
+    share = (series.final + 0.5) / 1.5  # a catch is worth 1, a miss −0.5
+    found = mean_interval(share)
+    return f"{found.mean:.0%} [{found.low:.0%}, {found.high:.0%}]"
+
+
+def _interval(sample: NDArray[np.float64]) -> str:
+    found = mean_interval(sample)
+    digits = 2 if abs(found.mean) < 10 else 0
+    if len(sample) < 2:
+        return f"{found.mean:.{digits}f}"
+    return f"{found.mean:.{digits}f} [{found.low:.{digits}f}, {found.high:.{digits}f}]"
+
+
+def _conclusions(known: Mapping[tuple[str, str], Series]) -> Iterator[str]:
+    for task, title in TITLES.items():
+        ours, theirs = known.get((task, OURS)), known.get((task, THEIRS))
+        if ours is None or theirs is None or len(theirs.returns) < 2:
+            continue
+        difference = ours.final.mean() - theirs.final.mean()
+        bounds = ttest_ind(ours.final, theirs.final, equal_var=False).confidence_interval(
+            CONFIDENCE
+        )
+        verdict = "neither clearly more nor less than"
+        if bounds.low > 0 or bounds.high < 0:
+            verdict = "more than" if bounds.low > 0 else "less than"
+        digits = 2 if abs(ours.final.mean()) < 10 else 0
+        yield (
+            f"**{title}**: ours earns {verdict} the authors' program. In the last fifth of "
+            f"{ours.steps:,} steps, ours has {ours.final.mean():.{digits}f} and theirs "
+            f"{theirs.final.mean():.{digits}f}; the difference is {difference:+.{digits}f} "
+            f"[{bounds.low:+.{digits}f}, {bounds.high:+.{digits}f}] "
+            f"({len(ours.returns)} seeds against {len(theirs.returns)})."
+        )
+    ball, fuzzy = known.get(("follow", THEIRS)), known.get(("follow", FUZZY))
+    if ball is not None and fuzzy is not None:
+        yield (
+            "In the task of the ball, the fuzzy network catches "
+            f"{_catches(fuzzy)} of the balls, our Stream Q(λ) {_catches(known['follow', OURS])}, "
+            f"the authors' {_catches(ball)}. {_who_is_to_blame(known['follow', OURS], ball)}"
+        )
+
+
+def _who_is_to_blame(ours: Series, theirs: Series) -> str:
+    bounds = ttest_ind(ours.final, theirs.final, equal_var=False).confidence_interval(CONFIDENCE)
+    if bounds.high < 0:
+        return "Part of the gap is ours: the authors' program learns more there."
+    return "So the recipe itself does little there: it isn't our program that holds it back."
+
+
+@own_style()
+def figure_of(series: Sequence[Series]) -> Figure:
+    """Draw the returns against the steps, a panel for each task."""
+    counts = [len(each.returns) for each in series if each.who == THEIRS] or [0]
+    figure = new_figure(
+        11,
+        4.2,
+        "Stream Q(λ): return of the learning episodes",
+        f"line: mean; band: its {100 * CONFIDENCE:g} % interval; "
+        f"{count_words([len(series[0].returns)])} of ours, {count_words(counts)} of the authors'",
+    )
+    for axes, (task, title) in zip(figure.subplots(1, len(TITLES)), TITLES.items(), strict=True):
+        for who, colour in zip((OURS, THEIRS, FUZZY), COLOURS, strict=False):
+            found = [each for each in series if (each.task, each.who) == (task, who)]
+            if not found:
+                continue
+            (each,) = found
+            places = (np.arange(PARTS) + 0.5) * each.steps / PARTS
+            intervals = [mean_interval(column) for column in each.returns.T]
+            axes.plot(places, [one.mean for one in intervals], color=colour, label=_WORDS[who])
+            if len(each.returns) > 1:
+                lows, highs = [one.low for one in intervals], [one.high for one in intervals]
+                axes.fill_between(places, lows, highs, color=colour, alpha=0.2, linewidth=0)
+        axes.set_title(title, fontsize=10)
+        axes.set_xlabel("learning steps")
+        axes.legend(frameon=False, fontsize=8)
+        quiet_grid(axes)
+    figure.axes[0].set_ylabel("return of an episode")
+    return figure

@@ -1,0 +1,1 @@
+"""Worlds made of single environments of other libraries, one for each run."""
