@@ -43,6 +43,8 @@ reproduction: install  ## docs/reproduction.md: the paper's claims over 10,000 s
 adaptive: install  ## docs/adaptive.md: adaptive step sizes over 1,000 seeds (SEEDS=22: fewer), a perceptron over 100; takes twenty minutes
 	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
 	$(EXPERIMENT) +experiment=stability
+	for name in step_sizes meta_step_sizes; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
+	$(EXPERIMENT) +experiment=step_sizes_car
 	$(BIN)/python -m fnnq_torchrl.adaptive
 
 extrapolation: install  ## docs/extrapolation.md: value functions at bearings that they have never seen; takes eight minutes

@@ -94,6 +94,17 @@ EXPERIMENTS = {
         {"value.layer_norm": "1,", "step_size": "constant,obgd", "alpha": "0.1,0.4,0.8"},
         *("value=mlp", "lam=0.8", "alpha_decay=1"),
     ),
+    "step_sizes": [
+        *grid({"alpha": "0.1,0.4", "lam": "0.2,0.8"}),
+        *grid(
+            {"step_size": "constant,idbd,tidbd", "alpha": "0.1,0.4", "lam": "0.2,0.8"},
+            "alpha_decay=1",
+        ),
+        *grid(
+            {"step_size": "constant,swift", "alpha": "0.1,0.4", "lam": "0.2,0.8"},
+            *("alpha_decay=1", "variant=sarsa", "trace=dutch"),
+        ),
+    ],
     "exploration": [
         *grid({"epsilon": "0,0.1,0.3"}, "exploration=epsilon_greedy"),
         *grid({"temperature": "0.01,0.1"}, "exploration=boltzmann"),

@@ -16,6 +16,7 @@ from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.engine.lanes import lanes_for
+from fnnq_torchrl.equations.step_size import make_step_size
 from fnnq_torchrl.training.batch import Batch
 
 _MUCH = 1 / 4
@@ -51,6 +52,7 @@ class Sizes:
         lanes: the number of runs that learn at once, in all workers together.
         bytes: the bytes of one weight.
         counted: the number of rules of each run whose firing strengths are summed.
+        remembered: the numbers that the rule for the step size remembers of each weight.
     """
 
     runs: int
@@ -62,6 +64,7 @@ class Sizes:
     lanes: int
     bytes: int
     counted: int = 0
+    remembered: int = 0
 
     @property
     def kept(self) -> int:
@@ -73,8 +76,9 @@ class Sizes:
 
     @property
     def at_work(self) -> int:
-        """Bytes for the runs that learn at once: weights, trace and the numbers of a step."""
-        of_step = self.weights * (4 + self.window) + self.candidates * _COPIES + 3 * self.counted
+        """Bytes for the runs that learn at once: weights, trace, memory and numbers of a step."""
+        of_weight = 4 + self.window + 2 * self.remembered
+        of_step = self.weights * of_weight + self.candidates * _COPIES + 3 * self.counted
         return self.lanes * self.bytes * of_step + self.candidates * self.weights * self.bytes
 
     @property
@@ -110,6 +114,7 @@ def sizes_of(batch: Batch) -> Sizes:
         lanes=engine.workers * lanes_for(runs, engine.workers, engine.most_lanes),
         bytes=dtype.itemsize,
         counted=weights["weight"].numel() if config.counts_firing else 0,
+        remembered=len(make_step_size(config.step_size).start(torch.ones(1), [torch.ones(1, 1)])),
     )
 
 

@@ -131,6 +131,38 @@ def test_swift_by_hand() -> None:
     ]
 
 
+def test_idbd_halves_the_error_of_lms_on_suttons_tracking_task() -> None:
+    """Follow 5 of 20 inputs, one of whose signs turns every 20 examples (Sutton 1992, section 4).
+
+    The paper reports mean squared errors of 1.5 for IDBD and of 3.5 for LMS at its best α, and
+    optimal step sizes of about 0.13 for the 5 inputs and 0 for the others.
+    """
+    generator = torch.Generator().manual_seed(0)
+    inputs, runs, examples, after = 20, 30, 8_000, 6_000
+    zeros = torch.zeros(inputs, runs, dtype=torch.float64)
+    signs = zeros.clone()
+    signs[:5] = 1
+    by_idbd, by_lms = zeros, zeros
+    beta, h = zeros + real(0.05).log(), zeros
+    errors = torch.zeros(2, runs).double()
+    for example in range(examples):
+        if example % 20 == 0:
+            turned = torch.randint(5, (1, runs), generator=generator)
+            signs.scatter_(0, turned, -signs.gather(0, turned))
+        x = torch.randn(inputs, runs, generator=generator, dtype=torch.float64)
+        idbds, lms = (((signs - w) * x).sum(0) for w in (by_idbd, by_lms))
+        if example >= after:
+            errors += torch.stack([idbds, lms]).square()
+        beta, h = idbd(beta, h, x, idbds, real(0.01))
+        by_idbd = by_idbd + beta.exp() * idbds * x
+        by_lms = by_lms + 0.035 * lms * x
+    found = errors.mean(1) / (examples - after)
+    assert found.tolist() == pytest.approx([1.5, 3.5], rel=0.07)
+    alphas = beta.exp().mean(1)
+    assert alphas[:5].tolist() == pytest.approx([0.13] * 5, rel=0.15)
+    assert alphas[5:].max() < 0.02
+
+
 NUMBERS = {"meta_step_size": 0.02, "tau": 50.0, "eta": 0.3, "eta_min": 1e-3, "eta_decay": 0.9}
 
 

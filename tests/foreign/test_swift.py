@@ -3,7 +3,8 @@
 The program computes in float32, we in float64. Where it departs from the paper's listing, we follow
 the listing (`fnnq_torchrl.equations.step_size.swift`): its version for all features agrees with the
 listing if no feature is 0, and its version for binary features as long as no step would correct
-more than η, and no trace is cut.
+more than η, and no trace is cut. Its lower limit of the step sizes has no effect: with a larger
+meta step size than here, a step size falls until the program's predictions are NaN.
 """
 
 from pathlib import Path
@@ -19,7 +20,7 @@ from .readers import Numbers, python
 pytestmark = pytest.mark.foreign
 
 FEATURES, STEPS = 7, 400
-GAMMA, LAM, ALPHA, THETA, DECAY = 0.9, 0.8, 0.05, 0.01, 0.9
+GAMMA, LAM, ALPHA, THETA, DECAY = 0.9, 0.8, 0.05, 0.001, 0.9
 
 DENSE = """
 import swifttd
@@ -81,12 +82,12 @@ def ours(eta: float, x: Numbers) -> tuple[Numbers, int]:
     return np.array(predictions), above
 
 
-@pytest.mark.parametrize("eta", [0.1, 2.0])
+@pytest.mark.parametrize("eta", [0.1, 0.8])
 def test_with_all_features_the_predictions_are_theirs(eta: float, tmp_path: Path) -> None:
     x = stream(binary=False)
     predictions, above = ours(eta, x)
-    assert above > 20 or eta > 1
-    np.testing.assert_allclose(predictions, theirs(DENSE, eta, x, tmp_path), rtol=1e-3, atol=1e-3)
+    assert above > 10 or eta == 0.8
+    np.testing.assert_allclose(predictions, theirs(DENSE, eta, x, tmp_path), rtol=0, atol=5e-5)
     assert np.abs(predictions).max() > 1
 
 
@@ -94,9 +95,9 @@ def test_with_binary_features_they_agree_until_a_step_would_correct_too_much(
     tmp_path: Path,
 ) -> None:
     x = stream(binary=True)
-    predictions, above = ours(5.0, x)
+    predictions, above = ours(0.8, x)
     assert above == 0
-    np.testing.assert_allclose(predictions, theirs(BINARY, 5.0, x, tmp_path), rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(predictions, theirs(BINARY, 0.8, x, tmp_path), rtol=0, atol=5e-5)
     few, above = ours(0.1, x)
-    assert above > 20
+    assert above > 10
     assert np.abs(few - theirs(BINARY, 0.1, x, tmp_path)).max() > 0.01

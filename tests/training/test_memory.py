@@ -49,6 +49,15 @@ def test_counted_firing_strengths_take_memory() -> None:
     assert counting.at_work > plain.at_work
 
 
+def test_what_a_step_size_remembers_takes_memory() -> None:
+    plain, of_swift = (
+        sizes_of(batch_of("num_seeds=500", "engine=eager", f"step_size={name}"))
+        for name in ("constant", "swift")
+    )
+    assert of_swift.at_work - plain.at_work == of_swift.lanes * 20 * 4 * 5 * 2
+    assert of_swift.kept == plain.kept
+
+
 def test_what_a_network_of_any_size_would_have_takes_no_memory_to_say() -> None:
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     sizes = sizes_of(batch_of("action.candidates=1000000000"))

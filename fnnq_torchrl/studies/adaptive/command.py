@@ -7,16 +7,20 @@ from fnnq_torchrl.studies.figures.gallery import draw
 from fnnq_torchrl.training.terminal import announce
 
 from .page import write_page
+from .weights import weights_part
 
 
 def main() -> None:
     """Run the command. An error is one line on stderr and exit status 1."""
     arguments = page_parser("python -m fnnq_torchrl.adaptive", __doc__).parse_args()
     with one_line_errors():
-        names = ("adaptive", "stability")
-        experiments = {name: newest_experiment(arguments.results, name) for name in names}
-        text = write_page(**experiments)
-        draw(experiments, arguments.to / "figures")
+        names = ("adaptive", "stability", "step_sizes", "meta_step_sizes", "step_sizes_car")
+        adaptive, stability, *of_weights = (
+            newest_experiment(arguments.results, name) for name in names
+        )
+        text = write_page(adaptive, stability, [weights_part(*of_weights)])
+        drawn = {"adaptive": adaptive, "stability": stability, "step_sizes": of_weights[0]}
+        draw(drawn, arguments.to / "figures")
         page = arguments.to / "adaptive.md"
         with atomic_write(page) as file:
             file.write(text.encode())

@@ -1,5 +1,6 @@
 """The scores of a step size over a range of α: at the best α, at the worst, and on average."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,9 +9,32 @@ from numpy.typing import NDArray
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.studies.measures import MEASURES
 from fnnq_torchrl.studies.reproduction.pool import same_seeds
+from fnnq_torchrl.studies.reproduction.verdicts import MATTERS
 from fnnq_torchrl.studies.statistics import Interval, choose_by_half, paired_difference
+from fnnq_torchrl.training.results import Evaluations
 
 MEASURE = "mean_score"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """The unit of scores, of which more is better.
+
+    Attributes:
+        name: the unit in words.
+        matters: the smallest difference that matters; it is our choice.
+        of: a function from evaluations to the runs' scores, ``[runs]``.
+        before: the same for the scores before learning; NaN if there are none.
+    """
+
+    name: str
+    matters: float
+    of: Callable[[Evaluations], NDArray[np.float64]]
+    before: Callable[[Evaluations], NDArray[np.float64]]
+
+
+CATCHES = Unit("catches", MATTERS, MEASURES[MEASURE].of, lambda each: each.score[:, 0])
+"""The mean score in catches, of five."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +66,7 @@ class Scheme:
         return paired_difference(self.at_best, self.at_worst).mean
 
 
-def read_scheme(experiment: Experiment, step_size: str, lam: float) -> Scheme:
+def read_scheme(experiment: Experiment, step_size: str, lam: float, unit: Unit = CATCHES) -> Scheme:
     """Return the scores of a step size with one λ, from one job for each α of the experiment.
 
     Raises:
@@ -52,10 +76,10 @@ def read_scheme(experiment: Experiment, step_size: str, lam: float) -> Scheme:
     alphas = sorted(experiment.values("alpha"))
     runs = same_seeds(experiment.jobs)
     jobs = [experiment.job(step_size=step_size, lam=lam, alpha=alpha) for alpha in alphas]
-    scores = np.stack([MEASURES[MEASURE].of(job.evaluations)[:runs] for job in jobs])
+    scores = np.stack([unit.of(job.evaluations)[:runs] for job in jobs])
     best, worst = choose_by_half(scores), choose_by_half(-scores)
     return Scheme(
-        before=float(np.mean([job.evaluations.catches[:, 0] for job in jobs])),
+        before=float(np.mean([unit.before(job.evaluations) for job in jobs])),
         best_alpha=alphas[best.choice],
         at_best=best.judged,
         at_worst=-worst.judged,

@@ -41,6 +41,12 @@ FIGURES: dict[str, tuple[str, Draw]] = {
         "adaptive",
         lambda results: lines_figure(results, "alpha", "step_size", ["mean_score"], "lam"),
     ),
+    "step_sizes": (
+        "step_sizes",
+        lambda results: lines_figure(
+            results.where("variant", "peng"), "alpha", "step_size", ["mean_score"], "lam"
+        ),
+    ),
     "stability": (
         "stability",
         lambda results: lines_figure(

@@ -139,6 +139,17 @@ def test_an_interrupted_training_comes_to_the_same_end(
     assert_same(outcome, trainer, uninterrupted)
 
 
+@pytest.mark.long
+def test_what_a_step_size_remembers_is_saved(tmp_path: Path, compiler: None) -> None:
+    job = config(f"num_seeds={RUNS}", "situations=20", "engine=compiled", "step_size=autostep")
+    whole = make_trainer(job)
+    expected = go_on(whole, tmp_path / "whole", NEVER), whole.weights
+    for stop in (2, 5, NEVER):
+        trainer = make_trainer(job)
+        outcome = go_on(trainer, tmp_path, stop)
+    assert_same(outcome, trainer, expected)
+
+
 def test_nothing_that_is_done_is_done_again(tmp_path: Path, uninterrupted) -> None:
     first = make_trainer(JOB)
     assert go_on(first, tmp_path, stop_at=6) is None
