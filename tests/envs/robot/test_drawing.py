@@ -8,9 +8,12 @@ from matplotlib import rc_context
 from matplotlib.colors import to_rgb
 from torchrl.envs import TransformedEnv, check_env_specs
 
+from envs import canvas
+from envs.canvas import Canvas
+from envs.drawing import shot_of
+from envs.pixels import Pixels
 from envs.robot import drawing
-from envs.robot.drawing import Canvas, Shot, shot_of
-from envs.robot.pixels import Pixels
+from envs.robot.drawing import Shot
 from envs.worlds import make_world
 from fnnq_torchrl.launch.composition import load_config
 
@@ -45,8 +48,8 @@ def test_things_are_where_they_are(x, y):
 
 
 def test_an_end_has_its_colour():
-    painted(replace(SHOT, ended=True, success=True), drawing.GOOD)
-    painted(replace(SHOT, ended=True), drawing.BAD)
+    painted(replace(SHOT, ended=True, success=True), canvas.GOOD)
+    painted(replace(SHOT, ended=True), canvas.BAD)
 
 
 @pytest.mark.parametrize("task", ["follow", "follow_obstacles", "wander"])
