@@ -172,8 +172,8 @@ def test_tiles_share_less_the_farther_apart_they_are() -> None:
     network = make("tiles")
     for distance, tilings in ((0.0, 8), (0.03125, 7), (0.125, 4), (0.25, 0)):
         at = torch.tensor([[-1.0 + 1e-9], [-1.0 + 1e-9 + distance]], dtype=torch.float64)
-        first, second = (network._tiles_at(0, x.view(1)) for x in at)
-        assert (first * second).sum() == tilings
+        first, second = (network._tile(0, x.view(1)) for x in at)
+        assert (first == second).sum() == tilings
 
 
 @pytest.mark.parametrize("layer_norm", ["false", "true"])

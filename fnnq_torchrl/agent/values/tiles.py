@@ -8,7 +8,6 @@ from torch import Tensor, nn
 
 from fnnq_torchrl.config.values import TilesConfig
 from fnnq_torchrl.equations.layout import runs_first, runs_last
-from fnnq_torchrl.equations.membership import defuzzify, weighed
 
 from .base import ValueNetwork
 
@@ -41,7 +40,6 @@ class TilesValue(ValueNetwork):
     schema = TilesConfig
 
     candidate_tiles: Tensor
-    numbers: Tensor
 
     def __init__(
         self,
@@ -60,12 +58,11 @@ class TilesValue(ValueNetwork):
             number = torch.arange(tilings) * (2 * i + 1) % tilings
             offset = number.float() / tilings
             self.register_buffer(f"offset_{i}", offset.to(candidates).unsqueeze(-1))
-        self.register_buffer("numbers", torch.arange(tiles + 1).to(candidates))
-        self._tilings = tilings
         # The candidates never change, so neither do their tiles.
-        at = self._action_at(candidates.unsqueeze(-1))
-        self.register_buffer("candidate_tiles", at.argmax(0).squeeze(-1), persistent=False)
-        weights = candidates.new_zeros([*[tiles + 1] * len(inputs), len(at), tilings, runs])
+        of_candidates = self._action_tile(candidates.unsqueeze(-1)).expand(-1, tilings, 1)
+        self.register_buffer("candidate_tiles", of_candidates.clone(), persistent=False)
+        actions = len(candidates) if action is None else tiles + 1
+        weights = candidates.new_zeros([*[tiles + 1] * len(inputs), actions, tilings, runs])
         self.weight = nn.Parameter(runs_first(weights))
 
     @classmethod
@@ -80,37 +77,42 @@ class TilesValue(ValueNetwork):
         )
 
     def forward(self, *observations: Tensor, action: Tensor | None = None) -> Tensor:
-        at = [self._tiles_at(i, runs_last(x.squeeze(-1))) for i, x in enumerate(observations)]
+        *tiles, actions, tilings, _ = runs_last(self.weight).shape
+        cell = self._tile(0, runs_last(observations[0].squeeze(-1)))
+        for i, x in enumerate(observations[1:], start=1):
+            cell = cell * tiles[i] + self._tile(i, runs_last(x.squeeze(-1)))
         if action is None:
-            rules = weighed(runs_last(self.weight), at, at[0].ndim - 3)
-            candidates, tilings = self.candidate_tiles.shape
-            tiles = self.candidate_tiles.view(candidates, *[1] * (rules.ndim - 3), tilings, 1)
-            of_each_tiling = rules.gather(0, tiles.expand(-1, *rules.shape[1:]))
+            action_tile = self.candidate_tiles.view(-1, *[1] * (cell.ndim - 2), tilings, 1)
         else:
-            action_at = self._action_at(runs_last(action.squeeze(-1)).unsqueeze(0))
-            of_each_tiling = defuzzify(runs_last(self.weight), at, action_at)
+            action_tile = self._action_tile(runs_last(action.squeeze(-1))).unsqueeze(0)
+        # Of each tiling, only the weight of one cell is read: most of the others are far away.
+        index = (cell * actions + action_tile).long()
+        weights = runs_last(self.weight).flatten(0, len(tiles))
+        weights = weights.view(-1, *[1] * (cell.ndim - 2), *weights.shape[1:])
+        of_each_tiling = weights.expand(-1, *index.shape[1:]).gather(0, index)
         return of_each_tiling.sum(-2).movedim((0, -1), (-1, 0))
 
-    def _action_at(self, action: Tensor) -> Tensor:
-        """Return the tile of each action, one-hot; arguments and shape as in :meth:`_tiles_at`."""
+    def _action_tile(self, action: Tensor) -> Tensor:
+        """Return the tile of each action; arguments and shape as in :meth:`_tile`."""
         if len(self._spans) > len(self.in_keys):
-            return self._tiles_at(len(self.in_keys), action)
-        own = self.candidates.view(-1, *[1] * (action.ndim + 1)) == action.unsqueeze(-2)
-        return own.to(action.dtype).expand(*[-1] * action.ndim, self._tilings, -1)
+            return self._tile(len(self.in_keys), action)
+        own = self.candidates.view(-1, *[1] * action.ndim) == action
+        numbers = torch.arange(len(own), device=action.device, dtype=torch.int32)
+        return (own * numbers.view(-1, *[1] * action.ndim)).sum(0, dtype=torch.int32).unsqueeze(-2)
 
-    def _tiles_at(self, i: int, x: Tensor) -> Tensor:
-        """Return the tile that contains each number, one-hot, along one dimension of every grid.
+    def _tile(self, i: int, x: Tensor) -> Tensor:
+        """Return the tile that contains each number, along one dimension of every grid.
 
         Args:
             i: the index of the input, or the number of inputs for the action.
             x: the numbers, ``[..., runs]``.
 
         Returns:
-            1 for the tile that contains the number, else 0, ``[tiles + 1, ..., tilings, runs]``.
+            The tile's index, int32 ``[..., tilings or 1, runs]``.
         """
         (low, high), offset = self._spans[i], getattr(self, f"offset_{i}")
         place = (x.unsqueeze(-2) - low) * (self._tiles / (high - low)) + offset
         # The upper end of the range belongs to the last tile that overlaps the range.
         last = (self._tiles + offset).ceil() - 1
-        tile = torch.minimum(place.floor().clamp(min=0), last)
-        return (self.numbers.view(-1, *[1] * tile.ndim) == tile).to(x.dtype)
+        # NaN, which a world may give after it has failed, has the first tile.
+        return torch.minimum(torch.where(place > 0, place, 0), last).int()

@@ -16,7 +16,7 @@ import numpy as np
 from torch import Tensor
 
 from .errors import Unsupported
-from .expressions import LARGE, Axis, Expression, Expressions, Place
+from .expressions import LARGE, Axis, Expression, Expressions, Place, Where
 
 _MANY = 64
 """In a leaf with more elements than this, smaller dimensions get axes, too."""
@@ -241,15 +241,16 @@ def _on(array: Array, chosen: Sequence[Axes]) -> Array:
 
 
 def _regrouped(array: Array, shape: Sequence[int]) -> Array | None:
-    """Reshape an array; None if an axis would have to be split."""
+    """Reshape an array; None if a dimension's parts would have to be both split and merged."""
     sizes: list[int] = []  # one for each axis or explicit dimension
     axes: list[Axis | None] = []
     for size, chain in zip(array.values.shape, array.axes, strict=True):
         sizes += [axis.size for axis in chain] if chain else [size]
         axes += chain or [None]
     parts = [(size, axis) for size, axis in zip(sizes, axes, strict=True) if size > 1]
-    # Explicit parts are split if the new shape needs it; each new dimension is a list of parts.
+    # Parts are split if the new shape needs it; each new dimension is a list of parts.
     split: list[tuple[int, Axis | None]] = []
+    substitutions: list[Where] = []
     dims: list[list[int]] = []
     for size in shape:
         left, mine = size, list[int]()
@@ -259,28 +260,48 @@ def _regrouped(array: Array, shape: Sequence[int]) -> Array | None:
             (first, axis), *rest = parts
             if left % first == 0:
                 parts, taken = rest, first
-            elif axis is None and first % left == 0:
-                parts, taken = [(first // left, None), *rest], left
+            elif first % left == 0:
+                within, taken = first // left, left
+                inner = None
+                if axis is not None:
+                    inner = array.make.axis(within, "inner", axis)
+                    outer = array.make.axis(left, "outer", axis)
+                    substitutions.append({axis: _merged(outer, inner)})
+                    axis = outer
+                parts = [(within, inner), *rest]
             else:
                 return None
             mine.append(len(split))
             split.append((taken, axis))
             left //= taken
         dims.append(mine)
-    bare = array.values.reshape([1 if axis else size for size, axis in split] or [])
+    values = array.values
+    for where in substitutions:
+        values = _map(partial(array.make.at, where=where), values)
+    bare = values.reshape([1 if axis else size for size, axis in split] or [])
     one = Array(array.make, bare, tuple((axis,) if axis else () for _, axis in split))
+    rolled = all(value.op == "input" for value in array.values.flat)
     for mine in dims:  # an explicit part merged with an axis gets an axis, too
         if any(split[part][1] for part in mine):
             for part in mine:
                 size, axis = split[part]
                 if axis is None:
                     chain = (array.make.axis(size, "part", *shape, part),)
-                    one = one.along(part, chain, rolled=False)
+                    one = one.along(part, chain, rolled=rolled)
     values = one.values.reshape(
         [prod(one.values.shape[part] for part in mine) for mine in dims] or []
     )
     chains = tuple(tuple(axis for part in mine for axis in one.axes[part]) for mine in dims)
     return Array(array.make, values, chains)
+
+
+def _merged(outer: Axis, inner: Axis) -> Place:
+    """Return the index along the axis that two axes make together."""
+    return Place(0, tuple(sorted({outer: inner.size, inner: 1}.items(), key=_number)))
+
+
+def _number(stride: tuple[Axis, int]) -> int:
+    return stride[0].number
 
 
 def constants(tensor: Tensor, make: Expressions, *key: object) -> Array:

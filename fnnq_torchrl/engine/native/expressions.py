@@ -10,7 +10,7 @@ program computes in loops.
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import partial, reduce
-from math import copysign
+from math import copysign, isnan
 from typing import Any
 
 import torch
@@ -26,6 +26,9 @@ _OF_BOOLEANS = {
     "maximum": "bitwise_or",
     "minimum": "bitwise_and",
 }
+_EXACT = ("abs", "add", "ceil", "div", "floor", "mul", "neg", "sub")
+"""Operations that are rounded the same everywhere, so those of constants are computed at once."""
+
 LARGE = 24
 """A dimension of at least this size is a family."""
 
@@ -42,10 +45,6 @@ class Axis:
         self.number, self.size = number, size
 
 
-Where = Mapping[Axis, "Axis | int"]
-"""A substitution: for each axis, another axis or one value of it."""
-
-
 @dataclass(frozen=True)
 class Place:
     """An index that depends on axes: ``base + Σ stride · axis``."""
@@ -53,16 +52,37 @@ class Place:
     base: int
     strides: tuple[tuple[Axis, int], ...] = ()
 
-    def at(self, where: Where) -> "Place":
+    def at(self, where: "Where") -> "Place":
         """Substitute axes in the index."""
         base, strides = self.base, dict[Axis, int]()
         for axis, stride in self.strides:
-            target = where.get(axis, axis)
-            if isinstance(target, Axis):
-                strides[target] = strides.get(target, 0) + stride
-            else:
-                base += stride * target
+            target = _as_place(where.get(axis, axis))
+            base += stride * target.base
+            for of, step in target.strides:
+                strides[of] = strides.get(of, 0) + stride * step
         return Place(base, tuple(sorted(strides.items(), key=lambda item: item[0].number)))
+
+
+Target = Axis | Place | int
+
+Where = Mapping[Axis, Target]
+"""A substitution: for each axis, another axis, an index or one value of it."""
+
+
+def _as_place(target: Target) -> Place:
+    if isinstance(target, Axis):
+        return Place(0, ((target, 1),))
+    return target if isinstance(target, Place) else Place(target)
+
+
+def axes_of(target: Target) -> frozenset[Axis]:
+    """Return the axes that the target of a substitution depends on."""
+    return frozenset(axis for axis, _ in _as_place(target).strides)
+
+
+def moved(target: Target, where: Where) -> Target:
+    """Substitute axes in the target of a substitution."""
+    return target.at(where) if isinstance(target, Place) else where.get(target, target)  # type: ignore[arg-type]
 
 
 class Expression:
@@ -75,7 +95,7 @@ class Expression:
         args: the operands; for these operations: ``constant`` (a Python number), ``input`` (leaf,
             place, lane), ``table`` (Python numbers, place), ``lookup`` (Python numbers, index),
             ``fold`` (operation, axis, operand), ``at`` (operand, substitution of its axes),
-            ``pack`` (axis, a number for each of its values), ``pick`` (operand, axis, index).
+            ``pack`` (axis, a number for each of its values), ``pick`` (operand, axes, index).
         operands: the expressions among ``args``.
         axes: the axes that it depends on.
         plain: true if neither it nor any operand that depends on axes has an operation of
@@ -120,7 +140,7 @@ class Expressions:
         self._known: dict[tuple[Any, ...], Expression] = {}
         self._axes: dict[tuple[Any, ...], Axis] = {}
         self._most, self._large = most, large
-        self._moved: dict[tuple[Expression, frozenset[tuple[Axis, Axis | int]]], Expression] = {}
+        self._moved: dict[tuple[Expression, frozenset[tuple[Axis, Target]]], Expression] = {}
         self._families: dict[tuple[Axis, tuple[Expression, ...]], Expression | None] = {}
 
     def is_large(self, size: int) -> bool:
@@ -167,6 +187,9 @@ class Expressions:
             return value
         if value.op == "constant" and value.args[0] == value.args[0]:
             return self.constant(value.args[0], dtype)
+        if value.op == "table" and not value.dtype.is_floating_point:
+            numbers, place = value.args
+            return self.table(tuple(self.constant(n, dtype).args[0] for n in numbers), place, dtype)
         return self._one("cast", dtype, (value,))
 
     def fold(self, op: str, values: Expression, axis: Axis) -> Expression:
@@ -177,18 +200,29 @@ class Expressions:
             return reduce(partial(self, op, values.dtype), values.args[1:])
         return self._one("fold", values.dtype, (op, axis, values), axes=values.axes - {axis})
 
-    def pick(self, values: Expression, axis: Axis, index: Expression) -> Expression:
-        """Return the family's number at an index, which may differ by lane and must be in range."""
-        if axis not in values.axes:
+    def pick(self, values: Expression, chain: tuple[Axis, ...], index: Expression) -> Expression:
+        """Return the family's number at an index, which may differ by lane and must be in range.
+
+        Args:
+            values: the family.
+            chain: the axes of the index, of which the last varies fastest.
+            index: a whole number.
+
+        Raises:
+            Unsupported: if the family depends on some of several axes only.
+        """
+        if values.axes.isdisjoint(chain):
             return values
-        if values.op == "table" and values.axes == {axis}:
+        if not values.axes.issuperset(chain):
+            raise Unsupported("no translation for an index into a dimension of equal rows")
+        if values.op == "table" and values.axes == {*chain} and len(chain) == 1:
             numbers, place = values.args
             (stride,) = (step for _, step in place.strides)
-            return self.lookup(numbers[place.base :: stride][: axis.size], index, values.dtype)
+            return self.lookup(numbers[place.base :: stride][: chain[0].size], index, values.dtype)
         if values.op == "table":  # makes it an array, which each lane can index by itself
             values = self("copy", values.dtype, values)
-        axes = (values.axes - {axis}) | index.axes
-        return self._one("pick", values.dtype, (values, axis, index), axes=axes)
+        axes = (values.axes - {*chain}) | index.axes
+        return self._one("pick", values.dtype, (values, chain, index), axes=axes)
 
     def at(self, value: Expression, where: Where) -> Expression:
         """Substitute axes in an expression, all at once."""
@@ -203,19 +237,17 @@ class Expressions:
             return self.table(numbers, place.at(where), value.dtype)
         if value.op == "at":
             inner, before = value.args
-            now = {axis: where.get(to, to) for axis, to in before}
+            now = {axis: moved(to, where) for axis, to in before}
             return self.at(inner, {**{axis: where.get(axis, axis) for axis in inner.axes}, **now})
         if value.op == "pack" and isinstance(number := where.get(value.args[0]), int):
             return self.at(value.args[1 + number], where)
-        if value.plain and all(isinstance(to, Axis) for to in where.values()):
+        if value.plain and not any(isinstance(to, int) for to in where.values()):
             key = value, frozenset(where.items())
             if key not in self._moved:
                 operands = [self.at(operand, where) for operand in value.operands]
                 self._moved[key] = self._with(value, operands)
             return self._moved[key]
-        axes = frozenset(
-            to for to in (where.get(axis, axis) for axis in value.axes) if isinstance(to, Axis)
-        )
+        axes = frozenset[Axis]().union(*(axes_of(where.get(axis, axis)) for axis in value.axes))
         moves = tuple(sorted(where.items(), key=lambda item: item[0].number))
         return self._one("at", value.dtype, (value, moves), axes=axes)
 
@@ -240,6 +272,11 @@ class Expressions:
             op = _OF_BOOLEANS.get(op, op)
         if (simpler := _simpler(op, *args)) is not None:
             return simpler
+        if op in _EXACT and all(arg.op == "constant" for arg in args):
+            numbers = [torch.tensor(arg.args[0], dtype=arg.dtype) for arg in args]
+            number = getattr(torch, op)(*numbers).item()
+            if all(_is_normal(one) for one in (number, *(arg.args[0] for arg in args))):
+                return self.constant(number, dtype)
         return self._one(op, dtype, args)
 
     def _rolled(self, values: Sequence[Expression], axis: Axis) -> Expression | None:
@@ -363,7 +400,18 @@ def _simpler(op: str, *args: Expression) -> Expression | None:
             return other
         case "sub", (other, zero) if _is(zero, 0) and copysign(1, zero.args[0]) > 0:
             return other
+        case "abs", (value,) if value.op == "where" and all(map(_positive, value.operands[1:])):
+            return value
     return None
+
+
+def _positive(value: Expression) -> bool:
+    return value.op == "constant" and copysign(1, value.args[0]) > 0 and not isnan(value.args[0])
+
+
+def _is_normal(number: float) -> bool:
+    """Return whether a number is zero or normal: the program counts subnormal ones as zero."""
+    return number == 0 or abs(number) >= torch.finfo(torch.float32).tiny
 
 
 def _is(value: Expression, number: float) -> bool:

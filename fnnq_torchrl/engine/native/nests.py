@@ -72,7 +72,7 @@ def operands(node: Node) -> list[tuple[Expression, frozenset[Axis]]]:
     """Return what a node reads, each with the axes along which it reads across iterations."""
     if isinstance(node, Write):
         return _resolved(node.value)
-    bound = frozenset([node.args[1]]) if node.op == "pick" else frozenset[Axis]()
+    bound = frozenset[Axis](node.args[1] if node.op == "pick" else ())
     found = []
     for number, operand in enumerate(node.operands):
         others = bound if number == 0 else frozenset[Axis]()
@@ -288,16 +288,43 @@ def shared(some: Sequence[Loop], others: Sequence[Loop]) -> list[Loop]:
     return [one for one, other in zip(some, others, strict=False) if one is other]
 
 
+def _independent(nodes: Sequence[Node]) -> list[list[Node]]:
+    """Split nodes of a loop into parts that share no values, so that few registers are enough.
+
+    A part reads no element that another part writes.
+    """
+    parent: dict[object, object] = {}
+
+    def root(key: object) -> object:
+        while parent.setdefault(key, key) != key:
+            key = parent[key]
+        return key
+
+    for node in nodes:
+        read = [of for of, _ in operands(node) if of.axes and of.op != "table"]
+        keys: list[object] = [of.args[:2] if of.op == "input" else of for of in read]
+        if isinstance(node, Write):
+            keys.append((node.leaf, node.place))
+        for key in keys:
+            parent[root(key)] = root(node)
+    parts = defaultdict[object, list[Node]](list)
+    for node in nodes:
+        parts[root(node)].append(node)
+    return [*parts.values()]
+
+
 def _turn_round(loop: Loop, order: Mapping[Node, int]) -> None:
     """Reverse a loop that was built from its end; nodes between loops go in expression order."""
     body: list[Node | Loop] = []
     between: list[Node] = []
     for one in [*loop.body[::-1], Loop()]:
         if isinstance(one, Loop):
-            values = [node for node in between if isinstance(node, Expression)]
-            values.sort(key=lambda value: order[value])
-            body += values
-            body += [node for node in between if isinstance(node, Write)]
+            parts = _independent(between) if loop.axis is not None else [between]
+            for part in parts:
+                values = [node for node in part if isinstance(node, Expression)]
+                values.sort(key=lambda value: order[value])
+                body += values
+                body += [node for node in part if isinstance(node, Write)]
             between = []
             _turn_round(one, order) if one.body else None
             body.append(one)

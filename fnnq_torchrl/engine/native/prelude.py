@@ -27,9 +27,15 @@ template <> struct Like<i32> { typedef i32 whole; };
 template <> struct Like<f64> { typedef i64 whole; };
 template <> struct Like<i64> { typedef i64 whole; };
 
+#if defined(__clang__)  // at -O1, clang unrolls no loop by itself
+#define EACH_LANE _Pragma("clang loop unroll(full)") for (int l = 0; l < WIDTH; ++l)
+#else
+#define EACH_LANE for (int l = 0; l < WIDTH; ++l)
+#endif
+
 template <class T, class Number> inline T all(Number number) {
     T filled;
-    for (int l = 0; l < WIDTH; ++l) filled[l] = number;
+    EACH_LANE filled[l] = number;
     return filled;
 }
 template <class T, class From> inline T cast(From from) {
@@ -53,33 +59,42 @@ template <class T> inline T minimum(T a, T b) { return none(a < b ? a : b, a); }
 // For a limit that isn't NaN. If a is NaN, the comparison fails and a stays.
 template <class T> inline T at_least(T a, T limit) { return limit > a ? limit : a; }
 template <class T> inline T at_most(T a, T limit) { return limit < a ? limit : a; }
-inline bool anywhere(mask which) {
-    int lanes = 0;
-    for (int l = 0; l < WIDTH; ++l) lanes |= which[l];
-    return lanes != 0;
+template <class T> inline bool anywhere(T which) {
+    int64_t parts[sizeof which / 8], any = 0;
+    __builtin_memcpy(parts, &which, sizeof which);
+    for (int64_t part : parts) any |= part;
+    return any != 0;
 }
-inline bool everywhere(mask which) {
-    int lanes = 0;
-    for (int l = 0; l < WIDTH; ++l) lanes += which[l] != 0;
-    return lanes == WIDTH;
+inline bool everywhere(mask which) { return !anywhere(~which); }
+template <class T> inline typename Like<T>::whole bits(T a) {
+    return (typename Like<T>::whole)a;
+}
+template <class T> inline mask finite(T a) { return cast<mask>(a - a == 0); }
+template <class T> inline mask positive(T a) { return finite(a) & cast<mask>(bits(a) >= 0); }
+template <class T> inline mask negative_zero(T a) {
+    return cast<mask>(a == 0) & cast<mask>(bits(a) < 0);
 }
 
 template <class T, class Number, class Index> inline T lookup(const Number* table, Index index) {
     T found;
-    for (int l = 0; l < WIDTH; ++l) found[l] = table[index[l]];
+    EACH_LANE found[l] = table[index[l]];
     return found;
 }
 // Each lane reads the element at its own index from an array of vectors.
 template <class T, class Index> inline T pick(const T* of, int stride, Index index) {
     T found;
-    for (int l = 0; l < WIDTH; ++l) found[l] = of[stride * index[l]][l];
+    typedef decltype(found[0] + 0) Number;
+    const Number* numbers = (const Number*)of;
+    Index at = index * (stride * WIDTH);
+    EACH_LANE at[l] += l;
+    EACH_LANE found[l] = numbers[at[l]];
     return found;
 }
 template <class Number, class T> inline void load(T& to, const void* leaf, int64_t place) {
-    for (int l = 0; l < WIDTH; ++l) to[l] = static_cast<const Number*>(leaf)[place + l];
+    EACH_LANE to[l] = static_cast<const Number*>(leaf)[place + l];
 }
 template <class Number, class T> inline void store(T from, void* leaf, int64_t place) {
-    for (int l = 0; l < WIDTH; ++l) static_cast<Number*>(leaf)[place + l] = from[l];
+    EACH_LANE static_cast<Number*>(leaf)[place + l] = from[l];
 }
 // Applies a scalar function of one or two numbers, in a loop that compilers vectorise.
 template <class Number, class T, class Function> inline T each(T x, T y, Function function) {
@@ -90,6 +105,31 @@ template <class Number, class T, class Function> inline T each(T x, T y, Functio
     __builtin_memcpy(&x, out, sizeof out);
     return x;
 }
+
+// The list of those rows of a family that a step must compute, since they aren't idle.
+template <int N> struct Rows {
+    int of[N], number, kept;
+    bool listed[N];
+    void wake_all() {
+        for (int row = 0; row < N; ++row) of[row] = row, listed[row] = true;
+        number = N;
+    }
+    template <class Index> void wake(Index index) {
+        EACH_LANE {
+            const int64_t row = index[l];
+            if (row < 0 || row >= N || listed[row]) continue;
+            listed[row] = true;
+            of[number++] = row;
+        }
+    }
+    int first() { return kept = 0; }
+    void next(int row, bool keep) {
+        listed[row] = keep;
+        of[kept] = row;
+        kept += keep;
+    }
+    void last() { number = kept; }
+};
 
 // While it lives, subnormal numbers count as zero: processors are slow with them.
 class Flushed {

@@ -186,11 +186,20 @@ def _scatter(call: Call, values: Array, dim: int, index: Array, source: Array | 
     def put(old: Expression, new: Expression, at: Expression, number: Expression) -> Expression:
         if call.packet is aten.scatter_add:
             new = make("add", dtype, old, new)
-        return make("where", dtype, make("eq", torch.bool, at, number), new, old)
+        at = _narrow(call, at, size)
+        here = make("eq", torch.bool, at, make.cast(number, at.dtype))
+        return make("where", dtype, here, new, old)
 
     for at, new in zip(_rows(index, dim), _rows(sources, dim), strict=True):
         values = each(put, values, new, at, numbers)
     return values
+
+
+def _narrow(call: Call, index: Expression, size: int) -> Expression:
+    """Return an index as 32 bits, of which vectors hold more, if it was converted to 64 bits."""
+    if index.op == "cast" and index.operands[0].dtype is not torch.bool and size < 2**31:
+        return call.make.cast(index.operands[0], torch.int32)
+    return index
 
 
 def _pick(call: Call, rows: Array, index: Array) -> Array:
@@ -206,10 +215,7 @@ def _pick(call: Call, rows: Array, index: Array) -> Array:
     if not rows.axes[-1]:
         columns = _rows(rows, -1)
         return _without_last(each(lambda at, *choices: call.pick(choices, at), index, *columns))
-    if len(rows.axes[-1]) > 1:
-        raise Unsupported("no translation for an index into several merged dimensions")
-    make, size = call.make, rows.shape[-1]
-    first, *_ = rows.axes[-1]
+    make, size, chain = call.make, rows.shape[-1], rows.axes[-1]
     family = Array(make, rows.values, (*rows.axes[:-1], ()))
 
     def pick(values: Expression, at: Expression) -> Expression:
@@ -217,11 +223,13 @@ def _pick(call: Call, rows: Array, index: Array) -> Array:
             return make.constant(value, at.dtype)
 
         if at.op == "constant":
-            return make.at(values, {first: at.args[0] % size})
+            places = np.unravel_index(at.args[0] % size, [axis.size for axis in chain])
+            return make.at(values, dict(zip(chain, map(int, places), strict=True)))
+        at = _narrow(call, at, size)
         below = make("lt", torch.bool, at, number(0))
         at = make("where", at.dtype, below, make("add", at.dtype, at, number(size)), at)
         at = make("minimum", at.dtype, make("maximum", at.dtype, at, number(0)), number(size - 1))
-        return make.pick(values, first, at)
+        return make.pick(values, chain, at)
 
     return _without_last(each(pick, family, index))
 

@@ -9,7 +9,7 @@ import torch
 from .errors import Unsupported
 from .expressions import COMPARISONS, Expression
 from .prelude import PRELUDE, RUN, VECTORISED
-from .statements import INFIX, Language, Leaf, Statements, leaf_name
+from .statements import INFIX, Language, Leaf, Rows, Statements, leaf_name
 
 _TYPES = {
     torch.float32: "f32",
@@ -67,11 +67,17 @@ def program(leaves: Sequence[Leaf], over: int | None = None) -> str:
     arrays |= statements.arrays()
     large = {name: of for name, of in arrays.items() if of[1] > _SMALL}
     small = {name: of for name, of in arrays.items() if of[1] <= _SMALL}
+    rows = statements.rows()
     run = Template(RUN).substitute(
-        memory=_lines(4, _declared(large)),
+        memory=_lines(4, [*_declared(large), *(f"Rows<{n}> {name};" for name, n in rows.items())]),
         constants=_lines(4, statements.constants()),
         arrays=_lines(
-            8, [*_declared(small), *(f"auto& {name} = memory->{name};" for name in large)]
+            8,
+            [
+                *_declared(small),
+                *(f"auto& {name} = memory->{name};" for name in [*large, *rows]),
+                *(f"{name}.wake_all();" for name in rows),
+            ],
         ),
         loads=_lines(8, (line for n, leaf in enumerate(leaves) for line in _loads(n, leaf))),
         once=_lines(8, statements.once()),
@@ -128,6 +134,29 @@ class Cpp(Language):
 
     def anywhere(self, mask: str) -> str:
         return f"anywhere({mask})"
+
+    def awake(self, rows: Rows) -> Iterable[str]:
+        for index in rows.visits:
+            yield f"{rows.name}.wake({index});"
+        conditions = [f"finite({number})" for number in rows.finite]
+        conditions += [f"positive({number})" for number in rows.positive]
+        if conditions:
+            yield f"if (!everywhere({' & '.join(conditions)})) {rows.name}.wake_all();"
+        yield f"for (int n = {rows.name}.first(); n < {rows.name}.number; ++n) {{"
+        yield f"    const int64_t row = {rows.name}.of[n];"
+        size = 1
+        for axis in rows.axes[::-1]:
+            yield f"    const int64_t i{axis.number} = row / {size} % {axis.size};"
+            size *= axis.size
+        yield from (f"    {line}" for line in rows.body)
+        zeros = " | ".join(f"bits({number})" for number in rows.traces)
+        conditions = [f"anywhere({zeros})"]
+        if rows.weights:
+            masks = " | ".join(f"negative_zero({number})" for number in rows.weights)
+            conditions.append(f"anywhere({masks})")
+        yield f"    {rows.name}.next(row, {' || '.join(conditions)});"
+        yield "}"
+        yield f"{rows.name}.last();"
 
     def formula(self, op: str, value: Expression, operands: Sequence[str]) -> str:
         if op in INFIX:

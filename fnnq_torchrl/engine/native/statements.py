@@ -15,7 +15,9 @@ from typing import Self
 import torch
 
 from .arrays import Axes
+from .errors import Unsupported
 from .expressions import WHOLE, Axis, Expression, Place, Where, in_order
+from .idle import idle_rows
 from .nests import Loop, Nests, Node, Write, arrange, is_computed, shared
 
 _REGISTERS = 8
@@ -78,6 +80,10 @@ class Language(ABC):
     def anywhere(self, mask: str) -> str:
         """Write the condition that a mask is true in at least one lane."""
 
+    def awake(self, rows: "Rows") -> Iterable[str] | None:
+        """Write a loop over the rows that aren't idle; None if the language has no such loops."""
+        return None
+
     @abstractmethod
     def formula(self, op: str, value: Expression, operands: Sequence[str]) -> str:
         """Write an operation.
@@ -91,6 +97,28 @@ class Language(ABC):
         Raises:
             Unsupported: if the language has no such operation.
         """
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The text of a loop over those rows of a family that aren't idle (:mod:`.idle`).
+
+    Attributes:
+        name: the name of the list of rows.
+        axes: the axes of a row, of which the last varies fastest.
+        visits, finite, positive: see :class:`.idle.IdleRows`.
+        body: the lines that compute a row.
+        traces, weights: the row's new numbers that must be 0, and those that must not be −0.
+    """
+
+    name: str
+    axes: Axes
+    visits: Sequence[str]
+    finite: Sequence[str]
+    positive: Sequence[str]
+    body: Sequence[str]
+    traces: Sequence[str]
+    weights: Sequence[str]
 
 
 class Statements:
@@ -129,6 +157,9 @@ class Statements:
         for value in nests.around:
             if isinstance(value, Expression):
                 self._settle(value)
+        found = {one: idle_rows(one, nests) for one in nests.whole.body if isinstance(one, Loop)}
+        self._idle = {loop: idle for loop, idle in found.items() if idle is not None}
+        self._row: Axes = ()
 
     @classmethod
     def of(cls, language: Language, leaves: Sequence[Leaf]) -> Self:
@@ -179,6 +210,13 @@ class Statements:
             arrays[name] = (write.value.dtype, size)
         return arrays
 
+    def rows(self) -> dict[str, int]:
+        """Return the number of rows in each list of rows, by the list's name."""
+        return {
+            _rows_name(number): prod(axis.size for axis in idle.axes)
+            for number, idle in enumerate(self._idle.values())
+        }
+
     def tables(self) -> list[str]:
         """Return the definitions of the constant tables."""
         return [
@@ -204,11 +242,11 @@ class Statements:
         yield from self._lines((self._nests.whole,), self._nests.whole.body)
         for write, name in self._late.items():
             axes = tuple(axis for axis, _ in write.place.strides)
-            to = f"{leaf_name(write.leaf)}[{_index(write.place)}]"
-            yield self._looped(axes, f"{to} = {name}[{_row_major(axes, {})}];")
+            to = f"{leaf_name(write.leaf)}[{self._index(write.place)}]"
+            yield self._looped(axes, f"{to} = {name}[{self._index(_row_major(axes))}];")
         for write in [node for node in self._nests.around if isinstance(node, Write)]:
             if write.source is not None:
-                due, index = self._name(write.value, (self._nests.whole,)), _index(write.place)
+                due, index = self._name(write.value, (self._nests.whole,)), self._index(write.place)
                 to, taken = (f"{leaf_name(n)}[{index}]" for n in (write.leaf, write.source))
                 axes = tuple(axis for axis, _ in write.place.strides)
                 chosen = self._language.formula("where", write.value, [due, taken, to])
@@ -219,6 +257,9 @@ class Statements:
         for one in body:
             if isinstance(one, Loop):
                 assert one.axis is not None
+                if (lines := self._awake(one, around)) is not None:
+                    yield from lines
+                    continue
                 yield from map(self._before, self._opened[one])
                 for part in self._parts(one):
                     yield f"{self._for(one.axis)} {{"
@@ -226,10 +267,10 @@ class Statements:
                     yield "}"
                 kept = [value for value in self._opened[one] if not self._inner[value]]
             elif isinstance(one, Write):
-                to, kept = f"{leaf_name(one.leaf)}[{_index(one.place)}]", []
+                to, kept = self._written(one), []
                 if one in self._late:
                     axes = tuple(axis for axis, _ in one.place.strides)
-                    to = f"{self._late[one]}[{_row_major(axes, {})}]"
+                    to = f"{self._late[one]}[{self._index(_row_major(axes))}]"
                 if one.source is None:
                     yield f"{to} = {self._name(one.value, around)};"
             elif one.op == "fold":
@@ -247,6 +288,30 @@ class Statements:
             for value in kept:
                 if value in self._axes:
                     yield f"{self._element(value, {})} = {self._names[value]};"
+
+    def _awake(self, loop: Loop, around: tuple[Loop, ...]) -> Iterable[str] | None:
+        """Return the lines of a loop over the rows that aren't idle; None without such rows."""
+        if loop not in self._idle:
+            return None
+        idle = self._idle[loop]
+        inside = self._nests.around[idle.body[0]]
+
+        def names(values: Iterable[Expression], where: tuple[Loop, ...]) -> list[str]:
+            return [self._name(value, where) for value in values]
+
+        self._row = idle.axes
+        rows = Rows(
+            _rows_name([*self._idle].index(loop)),
+            idle.axes,
+            visits=names(idle.visits, around),
+            finite=names(idle.finite, around),
+            positive=names(idle.positive, around),
+            body=[*self._lines(inside, idle.body)],
+            traces=names((write.value for write in idle.traces), inside),
+            weights=[self._written(write) for write in idle.weights],
+        )
+        self._row = ()
+        return self._language.awake(rows)
 
     def _parts(self, loop: Loop) -> Sequence[Sequence[Node | Loop]]:
         """Split a loop with many sums into several loops, each of which needs fewer registers."""
@@ -276,10 +341,10 @@ class Statements:
 
     def _definition(self, value: Expression, around: tuple[Loop, ...]) -> str:
         if value.op == "pick":
-            of, axis, index = value.args
-            array, first = self._place(of, {axis: 0})
+            of, chain, index = value.args
+            array, first = self._place(of, dict.fromkeys(chain, 0))
             at = self._name(index, around)
-            formula = self._language.pick(array, first, self._stride(of, axis), at)
+            formula = self._language.pick(array, first, self._stride(of, chain), at)
         elif value.op == "lookup":
             table, _ = self._tables[_table(value)]
             at = self._name(value.operands[0], around)
@@ -289,21 +354,37 @@ class Statements:
             formula = self._language.formula(value.op, value, operands)
         return self._language.define(value.dtype, self._names[value], formula)
 
-    def _stride(self, family: Expression, axis: Axis) -> int:
-        """Return the distance in memory between a family's neighbours along an axis."""
+    def _stride(self, family: Expression, chain: Axes) -> int:
+        """Return the distance in memory between a family's neighbours along merged axes.
+
+        Raises:
+            Unsupported: if the distance isn't the same everywhere.
+        """
+        place = self._places(family)
+        strides = dict(place.strides)
+        *outer, last = chain
+        expected = strides[last]
+        for axis, inner in zip(outer[::-1], chain[:0:-1], strict=True):
+            expected *= inner.size
+            if strides[axis] != expected:
+                raise Unsupported("no translation for an index into dimensions that lie apart")
+        return strides[last]
+
+    def _places(self, family: Expression) -> Place:
+        """Return the place of a family's numbers in the array that holds them."""
         if family.op == "input":
-            return dict(family.args[1].strides)[axis]
+            place: Place = family.args[1]
+            return place
         if family.op == "at":
             of, moves = family.args
-            return self._stride(of, next((old for old, new in moves if new is axis), axis))
-        axes = self._axes[family]
-        return prod(inner.size for inner in axes[axes.index(axis) + 1 :])
+            return self._places(of).at(dict(moves))
+        return _row_major(self._axes[family])
 
     def _name(self, value: Expression, around: tuple[Loop, ...]) -> str:
         """Return the text that reads a value inside the given loops."""
         if value.op == "table":
             table, _ = self._tables[_table(value)]
-            return self._language.entry(value.dtype, table, _index(value.args[1]))
+            return self._language.entry(value.dtype, table, self._index(value.args[1]))
         if value.op in ("input", "at"):
             return self._element(value, {})
         if value in self._axes:
@@ -318,13 +399,21 @@ class Statements:
 
     def _place(self, value: Expression, where: Where) -> tuple[str, str]:
         """Return the array that holds a value, and the index there after a substitution of axes."""
+        index = self._index(self._places(value).at(where))
         if value.op == "input":
-            return leaf_name(value.args[0]), _index(value.args[1].at(where))
-        if value.op == "at":
-            family, moves = value.args
-            moved = {old: where.get(new, new) for old, new in moves}
-            return self._array(family), _row_major(self._axes[family], {**where, **moved})
-        return self._array(value), _row_major(self._axes[value], where)
+            return leaf_name(value.args[0]), index
+        return self._array(value.args[0] if value.op == "at" else value), index
+
+    def _written(self, write: Write) -> str:
+        return f"{leaf_name(write.leaf)}[{self._index(write.place)}]"
+
+    def _index(self, place: Place) -> str:
+        """Return the text of an index; in a loop over rows, in terms of the row's number."""
+        strides, rows = dict(place.strides), dict(_row_major(self._row).strides)
+        step = strides.get(self._row[-1], 0) if self._row else 0
+        if step and strides == {axis: step * size for axis, size in rows.items()}:
+            return f"{step} * row + {place.base}"
+        return _index(place)
 
     def _for(self, axis: Axis) -> str:
         name = f"i{axis.number}"
@@ -383,10 +472,14 @@ def _index(place: Place) -> str:
     return " + ".join([*terms, str(place.base)] if place.base or not terms else terms)
 
 
-def _row_major(axes: Axes, where: Where) -> str:
-    """Return the row-major index into an array with these axes, after a substitution of axes."""
+def _rows_name(number: int) -> str:
+    return f"rows_{number}"
+
+
+def _row_major(axes: Axes) -> Place:
+    """Return the row-major index into an array with these axes."""
     strides = [prod(axis.size for axis in axes[n + 1 :]) for n in range(len(axes))]
-    return _index(Place(0, tuple(zip(axes, strides, strict=True))).at(where))
+    return Place(0, tuple(zip(axes, strides, strict=True)))
 
 
 def leaf_name(number: int) -> str:
