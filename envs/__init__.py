@@ -12,7 +12,7 @@ _HOMES = {
     "FollowBall": "robot.follow",
     "FollowObstacles": "robot.follow_obstacles",
     "FollowOneSide": "robot.one_side",
-    "Pixels": "robot.pixels",
+    "Pixels": "pixels",
     "PureEnv": "core.pure",
     "Stream": "core.streams",
     "Wander": "robot.wander",

@@ -30,7 +30,7 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
     * Observations: the world's observations, in the order of its configuration (float32).
     * Actions: the index of an action in the world's fixed set, or of a candidate in its range.
     * ``info["is_success"]``: whether the episode has ended with a success.
-    * ``render()``: with ``render_mode="rgb_array"``, a picture of a robot's world from above.
+    * ``render()``: with ``render_mode="rgb_array"``, a picture of the world, if it has one.
 
     A run's random numbers come from its seed (:mod:`envs.core.streams`), not from ``np_random``.
     The same seed and episode number give the same episode here as in any batch.
@@ -146,13 +146,14 @@ class GymWorld(gymnasium.Env[NDArray[np.float32], np.int64]):
 
         Raises:
             gymnasium.error.ResetNeeded: if no episode has begun.
-            TypeError: if the world isn't one of the robot's worlds.
+            TypeError: if the world has no pictures.
         """
         if self.render_mode is None:
             return None
         if self._shown is None:
             raise ResetNeeded("no situation has begun: call reset first")
-        from envs.robot.drawing import Canvas, shot_of  # loads Matplotlib
+        from envs.canvas import Canvas  # loads Matplotlib
+        from envs.drawing import shot_of
 
         return Canvas().draw([[shot_of(self.world, self._shown)]])
 

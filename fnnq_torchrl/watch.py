@@ -1,5 +1,7 @@
 """Draw a job's runs as a GIF and a PNG of stills: ``python -m fnnq_torchrl.watch run=DIR``.
 
+A job without tests shows new situations, in which its runs act greedily.
+
 Keys, each as key=value:
 
     run         the directory of a finished job
@@ -70,7 +72,7 @@ def watch(given: dict[str, str]) -> list[Path]:
     checkpoint = load_checkpoint(directory / "checkpoint.pt")
     config = to_config(checkpoint.config)
     most = config.evaluation.tests
-    if situations > most:
+    if situations > most > 0:
         raise ConfigError(f"situations={situations}: must be at most {most}, the size of the test")
     seeds = _seeds(given["seed"]) or [best_seed(directory)]
     moments = _WHEN[given["when"]]

@@ -7,8 +7,9 @@ import torch
 from PIL import Image
 from tensordict import TensorDict
 
+from envs.canvas import Canvas, Shot
 from envs.core.pure import PureEnv
-from envs.robot.drawing import Canvas, Shot, in_view, shot_of
+from envs.drawing import shot_of
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config, ConfigError
@@ -46,7 +47,7 @@ def play(
     Raises:
         ConfigError: if there is no run with one of the seeds; or as in :func:`.read_start`, for
             the test before learning.
-        ConfigError: if the job's world isn't one of the robot's worlds.
+        ConfigError: if the job's world has no pictures.
     """
     known = checkpoint.seed.tolist()
     if missing := [seed for seed in seeds if seed not in known]:
@@ -68,7 +69,10 @@ def play(
     test = GreedyTest(
         config.env.tested,
         network,
-        config.evaluation.tests if fixed is None else torch.tensor(fixed, dtype=dtype),
+        # A job without tests has none to replay, so its situations are new ones.
+        (config.evaluation.tests or situations)
+        if fixed is None
+        else torch.tensor(fixed, dtype=dtype),
     )
     env = test.make_env(lanes)
     situation = torch.arange(situations).repeat(len(seeds))
@@ -108,7 +112,7 @@ def _films(
                     lane,
                 )
             )
-    return [in_view(film) for film in films]
+    return [film[0].in_view(film) for film in films]
 
 
 def panel_title(situation: int, learned: bool, seed: int | None = None) -> str:

@@ -14,8 +14,10 @@ from fnnq_torchrl.studies.experiments import Experiment, NoResults, read_experim
 from fnnq_torchrl.studies.textbook.page import write_page
 from fnnq_torchrl.studies.textbook.pictures import car_figure, walk_figure
 from fnnq_torchrl.studies.textbook.published import REWARDS, STEPS, Point, compare
+from fnnq_torchrl.studies.textbook.returns import Walk, learned, return_errors, walks
 from fnnq_torchrl.studies.textbook.walk import read_errors, root_mean_square, true_values
 from fnnq_torchrl.training.results import Evaluations, write_evaluations
+from fnnq_torchrl.training.trainer import Trainer
 from fnnq_torchrl.training.weights import save_snapshots
 
 RUNS = 40
@@ -85,6 +87,41 @@ def test_the_true_values_solve_the_equations_of_the_walk() -> None:
     assert root_mean_square(np.zeros(19), values) == pytest.approx(0.3**0.5)
 
 
+def test_the_lambda_return_of_a_walk_by_hand() -> None:
+    """The walk is 2, 1, 2, 3 and out to the right; V(3) = 1 and λ = ½."""
+    values = np.array([[0.0, 0.0, 1.0]])
+    walk = Walk(np.array([[2], [1], [2], [3]]), np.array([2.0]))
+    # From the end: G₃ = 2, G₂ = (1 + 2)/2 = 1.5, G₁ = (0 + 1.5)/2 = 0.75, G₀ = (0 + 0.75)/2.
+    after = learned(values, walk, lam=0.5, alpha=0.5)
+    np.testing.assert_allclose(after, [[0.375, 0.1875 + 0.5 * (1.5 - 0.1875), 1.5]])
+
+
+def test_td_lambda_makes_the_changes_of_the_lambda_return_if_alpha_is_small() -> None:
+    """While V stays as it is, the traces' changes add up to those of the λ-returns."""
+    [walk] = walks(load_config("task=random_walk", "env.states=5").env, np.arange(3), 1)
+    values = np.random.default_rng(0).normal(size=(3, 5))
+    lam, alpha = 0.7, 1e-7
+    changed = (learned(values, walk, lam, alpha) - values) / alpha
+    for run in range(3):
+        path = [place - 1 for place in walk.places[:, run] if place]
+        trace, expected = np.zeros(5), np.zeros(5)
+        for t, place in enumerate(path):
+            trace = lam * trace + np.eye(5)[place]
+            last = t == len(path) - 1
+            target = walk.rewards[run] if last else values[run, path[t + 1]]
+            expected += (target - values[run, place]) * trace
+        np.testing.assert_allclose(changed[run], expected, atol=1e-4)
+
+
+def test_the_walks_are_those_of_the_learning_runs() -> None:
+    config = load_config("task=random_walk", "situations=3", "num_seeds=4", "engine=eager")
+    trainer = Trainer.of(config)
+    trainer.learn()
+    taken = walks(config.env, np.arange(4), 3)
+    steps = sum(walk.walking.sum(axis=0) for walk in taken)
+    np.testing.assert_array_equal(trainer.evaluate().steps[:, -1], steps)
+
+
 def test_a_difference_has_the_error_of_both_means_and_of_the_reading() -> None:
     ours = np.array([9.0, 11.0])  # mean 10, standard deviation √2
     compared = compare(ours, Point(value=14.0, at=1.0, reading=2.0))
@@ -101,7 +138,7 @@ def test_the_errors_are_those_of_the_tables_after_learning(walk: Experiment) -> 
 
 
 def test_the_page_says_what_agrees(car: Experiment, traces: Experiment, walk: Experiment) -> None:
-    text = write_page(car, traces, read_errors(walk))
+    text = write_page(car, traces, read_errors(walk) + return_errors(walk))
     steps, rewards = (line for line in text.splitlines() if line.startswith("* **Our "))
     agreeing, differing = steps.partition("They differ")[::2]
     assert "They differ" not in rewards
@@ -117,7 +154,7 @@ def test_the_page_says_what_agrees(car: Experiment, traces: Experiment, walk: Ex
 def test_a_missing_point_is_told(car: Experiment, traces: Experiment, walk: Experiment) -> None:
     one = replace(car, jobs=[job for job in car.jobs if job.settings["lam"] != 0.5])
     with pytest.raises(NoResults, match=r"has no jobs with lam=0\.5"):
-        write_page(one, traces, read_errors(walk))
+        write_page(one, traces, read_errors(walk) + return_errors(walk))
     moved = replace(car.jobs[0], settings=car.jobs[0].settings | {"alpha": 1.0})
     with pytest.raises(NoResults, match=r"there are 0 jobs with alpha=0\.1875, not one"):
         write_page(replace(car, jobs=[moved, *car.jobs[1:]]), traces, read_errors(walk))
@@ -129,4 +166,5 @@ def test_the_pictures_have_a_line_for_each_lambda(car: Experiment, walk: Experim
     rings = [each.get_offsets() for each in axes.collections if isinstance(each, PathCollection)]
     places = {tuple(offset) for ring in rings for offset in ring.tolist()}
     assert places == {(point.at, point.value) for point in STEPS.values()}
-    assert [len(axes.lines) for axes in walk_figure(read_errors(walk)).axes] == [2, 2]
+    panels = walk_figure(read_errors(walk) + return_errors(walk)).axes
+    assert [len(axes.lines) for axes in panels] == [2, 2, 2]

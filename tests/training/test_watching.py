@@ -87,6 +87,23 @@ def test_the_command_leaves_a_moving_picture_and_stills(
         assert stills.width == 500
 
 
+def test_a_job_without_tests_shows_new_situations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    walk, states = tmp_path / "walk", tmp_path / "states"
+    for directory, task in ((walk, "random_walk"), (states, "two_states")):
+        run_job(load_config(f"task={task}", "situations=2", "engine=eager"), directory)
+    monkeypatch.setattr(sys, "argv", ["watch", f"run={walk}", "situations=2", "size=60"])
+    main()
+    assert (walk / "robot.gif").is_file()
+    monkeypatch.setattr(sys, "argv", ["watch", f"run={states}"])
+    with pytest.raises(SystemExit):
+        main()
+    assert capsys.readouterr().err == (
+        "TwoStates has no picture; env.kind=two_states can't be drawn\n"
+    )
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [

@@ -27,9 +27,8 @@ The error of the values (root mean square of Q − Q\\*, where Q\\* lies within 
 of {length} states after {situations:,} situations, over {value_runs:,} seeds:
 
 {values}
-Watkins' Q(λ) cuts the trace before an action that isn't greedy. So its values go to Q\\* for every
-ε; with a small ε some rarely tried actions are still to be learned. In Peng's Q(λ), the results of
-exploratory actions stay in the values of earlier pairs.
+Watkins' Q(λ) cuts the trace before an action that isn't greedy, so its values go to Q\\* for every
+ε. In Peng's Q(λ), the results of exploratory actions stay in the values of earlier pairs.
 """
 
 _CHAIN = """The steps until the last situation with a wrong action: the geometric mean over {runs:,}

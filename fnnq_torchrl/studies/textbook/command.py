@@ -8,6 +8,7 @@ from fnnq_torchrl.training.terminal import announce
 
 from .page import write_page
 from .pictures import car_figure, walk_figure
+from .returns import return_errors
 from .walk import read_errors
 
 CAR, TRACES, WALK = (f"sutton_barto_{number}" for number in ("12_10", "12_11", "12_6"))
@@ -21,7 +22,7 @@ def main() -> None:
         car, traces, walk = (
             newest_experiment(arguments.results, name) for name in (CAR, TRACES, WALK)
         )
-        errors = read_errors(walk)
+        errors = read_errors(walk) + return_errors(walk)
         page, pictures = arguments.to / "textbook.md", arguments.to / "figures"
         text = write_page(car, traces, errors)
         pictures.mkdir(parents=True, exist_ok=True)

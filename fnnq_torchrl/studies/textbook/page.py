@@ -11,6 +11,7 @@ from fnnq_torchrl.training.intervals import mean_interval
 from fnnq_torchrl.training.results import CONFIDENCE
 
 from .published import REWARDS, RUNS, STEPS, TILINGS, Comparison, Point, compare
+from .returns import NAME
 from .walk import Errors
 
 _WORDS = {"gradient": "accumulating", "clearing": "replacing, with clearing"}
@@ -49,11 +50,13 @@ values were read off a plot to within ± 5.
 Here *dutch* is true online Sarsa(λ); in the replication it isn't. The replication has no results
 for accumulating traces with α · 8 above 0.6.
 
-## Random walk, TD(λ) (figures 12.6 and 12.8)
+## Random walk, TD(λ) and the off-line λ-return (figures 12.3, 12.6 and 12.8)
 
 The walk has {states} states. The measure is the root-mean-square error of their values, averaged
 over the first 10 episodes and {walk_runs:,} runs. The true values are −0.9, −0.8, …, 0.9. Before
 learning all values are 0, so the error should be √0.3 = 0.548; the program measured {before:.3f}.
+The off-line λ-return algorithm changes the values only after an episode, towards the λ-returns. It
+is no learner of this program; the page computes it from the walks in which the runs learned.
 
 {walk}
 ![The error against α, for each λ and trace](figures/textbook_walk.png)
@@ -79,7 +82,7 @@ def write_page(car: Experiment, traces: Experiment, walk: Sequence[Errors]) -> s
 
     Args:
         car, traces: the results of ``+experiment=sutton_barto_12_10`` and ``…12_11``.
-        walk: the errors of ``+experiment=sutton_barto_12_6``.
+        walk: the errors of ``+experiment=sutton_barto_12_6``, and of the off-line λ-return.
 
     Raises:
         NoResults: if a job at a published point is missing.
@@ -188,7 +191,7 @@ def _walk_table(errors: Sequence[Errors]) -> str:
     rows = []
     for lam in sorted({each.lam for each in errors}):
         row = [f"λ = {lam:g}"]
-        for trace in ("gradient", "dutch"):
+        for trace in (NAME, "gradient", "dutch"):
             line = [each for each in errors if (each.trace, each.lam) == (trace, lam)]
             if not line:
                 raise NoResults(f"the random walk lacks trace={trace} with lam={lam:g}")
@@ -196,4 +199,4 @@ def _walk_table(errors: Sequence[Errors]) -> str:
             mean, low, high = mean_interval(best.errors)
             row.append(f"{mean:.4f} [{low:.4f}, {high:.4f}] (α = {best.alpha:g})")
         rows.append(row)
-    return table(["", "accumulating, best α", "dutch, best α"], rows)
+    return table(["", f"{NAME}, best α", "accumulating, best α", "dutch, best α"], rows)

@@ -17,6 +17,7 @@ from fnnq_torchrl.training.pictures.style import (
 from fnnq_torchrl.training.results import CONFIDENCE
 
 from .published import STEPS, TILINGS
+from .returns import NAME
 from .walk import Errors
 
 _SHOWN = 300
@@ -53,11 +54,11 @@ def car_figure(experiment: Experiment) -> Figure:
 
 @own_style()
 def walk_figure(errors: Sequence[Errors]) -> Figure:
-    """Draw the errors against α, a panel for each trace and a line for each λ."""
+    """Draw the errors against α, a panel for each trace or algorithm and a line for each λ."""
     runs = count_words([min(len(each.errors) for each in errors)])
-    traces = list(dict.fromkeys(each.trace for each in errors))
+    traces = sorted(dict.fromkeys(each.trace for each in errors), key=lambda name: name != NAME)
     figure = new_figure(
-        11,
+        1 + 4.6 * len(traces),
         4.6,
         "Random walk by TD(λ): error of 19 values, first 10 episodes",
         f"line: mean over {runs}; {_BAND}",

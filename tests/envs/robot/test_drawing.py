@@ -9,9 +9,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from torchrl.envs import TransformedEnv, check_env_specs
 
+from envs import canvas
+from envs.canvas import Canvas
+from envs.drawing import shot_of
+from envs.pixels import Pixels
 from envs.robot import drawing
-from envs.robot.drawing import Canvas, Shot, draw, in_view, shot_of
-from envs.robot.pixels import Pixels
+from envs.robot.drawing import Shot, draw
 from envs.worlds import make_world
 from fnnq_torchrl.launch.composition import load_config
 
@@ -46,8 +49,8 @@ def test_things_are_where_they_are(x, y):
 
 
 def test_an_end_has_its_colour():
-    painted(replace(SHOT, ended=True, success=True), drawing.GOOD)
-    painted(replace(SHOT, ended=True), drawing.BAD)
+    painted(replace(SHOT, ended=True, success=True), canvas.GOOD)
+    painted(replace(SHOT, ended=True), canvas.BAD)
 
 
 @pytest.mark.parametrize("task", ["follow", "follow_obstacles", "wander"])
@@ -67,9 +70,9 @@ def test_every_world_of_the_robot_has_a_picture(task):
 def test_an_open_plane_is_shown_as_far_as_the_robot_drives():
     there = replace(SHOT, walls=False, pose=(-5.0, 1.0, 0.0))
     film = [replace(SHOT, walls=False), there]
-    assert {shot.half_size_m for shot in in_view(film)} == {(5.4, 5.4)}
+    assert {shot.half_size_m for shot in Shot.in_view(film)} == {(5.4, 5.4)}
     walled = [SHOT, replace(SHOT, pose=(2.9, 0.0, 0.0))]
-    assert in_view(walled) == walled
+    assert Shot.in_view(walled) == walled
 
 
 def test_a_bar_shows_the_scale():

@@ -1,4 +1,4 @@
-"""A transform that adds pictures of the robot's worlds, for TorchRL's video recorder."""
+"""A transform that adds pictures of the worlds, for TorchRL's video recorder."""
 
 import torch
 from tensordict import TensorDictBase
@@ -6,11 +6,12 @@ from torch import Tensor
 from torchrl.data import Bounded, TensorSpec
 from torchrl.envs import Transform
 
-from envs.robot.drawing import Canvas, shot_of
+from envs.canvas import Canvas
+from envs.drawing import shot_of
 
 
 class Pixels(Transform):
-    """Add the entry ``pixels``, a view from above: uint8 ``[*batch_size, height, width, 3]``.
+    """Add the entry ``pixels``, a picture: uint8 ``[*batch_size, height, width, 3]``.
 
     Append it to an environment with ``TransformedEnv(env, Pixels())``. TorchRL's ``VideoRecorder``,
     appended next, reads ``pixels``. Each picture takes some hundredths of a second.
