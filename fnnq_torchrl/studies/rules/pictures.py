@@ -8,9 +8,9 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from envs.drawing import shot_of
 from envs.pictures import Axes, Figure, own_style
 from envs.robot.arena import Arena
-from envs.robot.drawing import draw, in_view, shot_of
 from envs.robot.follow import FollowBall
 from fnnq_torchrl.agent.rules import Explanation, RuleBase, Variable
 from fnnq_torchrl.studies.rules.job import Chosen, Job
@@ -244,7 +244,7 @@ def _path(axes: Axes, reading: Reading, situation: int) -> None:
         after = played.after[:, 0, situation][counts]
         shots = [shot_of(played.env, played.starts[0, situation].unsqueeze(0))]
         shots += [shot_of(played.env, after, step) for step in range(len(after))]
-        return draw(axes, in_view(shots))
+        return shots[-1].draw(axes, shots[0].in_view(shots))
     before = played.before[:, 0, situation][counts]
     for name, (colour, style) in zip(played.names, LINES, strict=False):
         axes.plot(before[name].squeeze(-1).numpy(), color=colour, linestyle=style, label=name)
