@@ -51,7 +51,6 @@ UGLY = (
     'say "hi"',
     "back\\slash",
     "line\nbreak",
-    "${lam}",
     "x" * 200,
 )
 VARIABLES = (
@@ -106,7 +105,7 @@ class Round:
 
     def command(self) -> list[str]:
         place = "hydra.sweep.dir" if self.kind == "sweep" else "hydra.run.dir"
-        quoted = str(self.output).replace("\\", "\\\\").replace("'", "\\'").replace("${", "\\${")
+        quoted = str(self.output).replace("'", "\\'")
         words = [*JOBS[self.kind], f"{place}='{quoted}'"]
         flags = [word for word in words if word == "-m"]
         others = [word for word in words if word != "-m"]

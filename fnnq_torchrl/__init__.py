@@ -5,8 +5,9 @@ torch. Importing the package registers its tasks with Gymnasium, if that is inst
 """
 
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
+
+from fnnq_torchrl.launch.registration import register_with_gymnasium
 
 _HOMES = {
     "BoltzmannPolicy": "agent.policy",
@@ -50,7 +51,4 @@ def __dir__() -> list[str]:
     return __all__
 
 
-if find_spec("gymnasium") is not None:  # it is an extra
-    from fnnq_torchrl.launch.registration import register_envs
-
-    register_envs()
+register_with_gymnasium()

@@ -190,7 +190,10 @@ def _start(application: Application, task: Task, given: Namespace) -> None:
         to_config(typed, own=True)  # before a directory is made
     key = _PLACES[multirun]
     HydraConfig.instance().set_config(config)  # the directory's name may refer to it
-    directory = OutputDirectory(Path(str(OmegaConf.select(config, key))))
+    path = str(OmegaConf.select(config, key))
+    if "${" in path:
+        raise ConfigError(f"{key}={path}: must be a path without ${{, which Hydra would resolve")
+    directory = OutputDirectory(Path(path))
     task.again = _command_again(key, directory.path)
     try:
         application.run(config, task)

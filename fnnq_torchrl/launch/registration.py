@@ -1,8 +1,12 @@
 """The tasks for Gymnasium: ``gymnasium.make("fnnq/Follow-v0")`` after ``import fnnq_torchrl``."""
 
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
-
-import gymnasium
 
 if TYPE_CHECKING:
     from envs.gymnasium import GymWorld, GymWorlds
@@ -17,6 +21,8 @@ TASKS = {
 
 def register_envs() -> None:
     """Register the tasks of `TASKS`, each a single world and a vector of them."""
+    import gymnasium
+
     for name, task in TASKS.items():
         if name not in gymnasium.registry:
             gymnasium.register(
@@ -25,6 +31,38 @@ def register_envs() -> None:
                 vector_entry_point=f"{__name__}:make_vector",
                 kwargs={"task": task},
             )
+
+
+def register_with_gymnasium() -> None:
+    """Register the tasks now if Gymnasium is loaded, else as soon as it is.
+
+    So a command that doesn't need Gymnasium doesn't wait for it.
+    """
+    if "gymnasium" in sys.modules:
+        register_envs()
+    else:
+        sys.meta_path.insert(0, _AtImport())
+
+
+class _AtImport(MetaPathFinder):
+    """Registers the tasks at the end of Gymnasium's import."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if fullname != "gymnasium":
+            return None
+        sys.meta_path.remove(self)
+        spec = find_spec(fullname)
+        if spec is not None and spec.loader is not None:
+            load = spec.loader.exec_module
+
+            def load_and_register(module: ModuleType) -> None:
+                load(module)
+                register_envs()
+
+            spec.loader.exec_module = load_and_register  # type: ignore[method-assign]
+        return spec
 
 
 def make(task: str, **settings: Any) -> "GymWorld":

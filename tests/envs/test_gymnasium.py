@@ -161,15 +161,19 @@ def test_a_single_candidate_is_too_few(world):
 # -- registered tasks -----------------------------------------------------------------------------
 
 
-def test_importing_the_package_registers_the_tasks_without_torch():
-    script = (
-        "import sys, fnnq_torchrl, gymnasium; print(*gymnasium.registry, 'torch' in sys.modules)"
-    )
+@pytest.mark.parametrize("order", ["fnnq_torchrl, gymnasium", "gymnasium, fnnq_torchrl"])
+def test_importing_the_package_registers_the_tasks_without_torch(order):
+    script = f"import {order}, sys; print(*gymnasium.registry, 'torch' in sys.modules)"
     *names, torch_is_loaded = subprocess.check_output(
         [sys.executable, "-c", script], text=True
     ).split()
     assert {*registration.TASKS} <= {*names}
     assert torch_is_loaded == "False"
+
+
+def test_the_package_alone_does_not_load_gymnasium():
+    script = "import sys, fnnq_torchrl; sys.exit('gymnasium' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
 
 
 @pytest.mark.parametrize("name", registration.TASKS)

@@ -216,6 +216,10 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         ),
     },
     "unreadable file": {
+        r"train hydra.run.dir=\${lam}": (
+            2,
+            "hydra.run.dir=${lam}: must be a path without ${, which Hydra would resolve",
+        ),
         "train hydra.run.dir=file": (1, "file: File exists"),
         "train hydra.run.dir=folder": (1, "…/folder/training.pt: Is a directory"),
         "train hydra.run.dir=damaged": (
