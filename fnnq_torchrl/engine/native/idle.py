@@ -15,7 +15,7 @@ from typing import NamedTuple
 import torch
 
 from .expressions import WHOLE, Axis, Expression, Place
-from .nests import Loop, Nests, Node, Write
+from .nests import Loop, Nests, Node, Write, is_computed_anew
 
 
 @dataclass(frozen=True)
@@ -67,25 +67,32 @@ _OF_ZEROS = {"eq": True, "ge": True, "le": True, "ne": False, "gt": False, "lt":
 
 def idle_rows(loop: Loop, nests: Nests) -> IdleRows | None:
     """Return the conditions for idle rows of a loop; None if rows can't be left out."""
-    axes, body = [], [loop]
-    while len(body) == 1 and isinstance(body[0], Loop):
-        (inner,) = body
-        assert inner.axis is not None
+    axes: list[Axis] = []
+    inner: Node | Loop = loop
+    while isinstance(inner, Loop):
+        if not isinstance(inner.axis, Axis):
+            return None
         axes.append(inner.axis)
-        body = inner.body
+        body, inner = inner.body, inner.body[0]
     nodes = [node for node in body if not isinstance(node, Loop)]
     writes = [node for node in nodes if isinstance(node, Write)]
-    values = {node for node in nodes if isinstance(node, Expression)}
+    values = [node for node in nodes if isinstance(node, Expression)]
+    own = {*nodes}
     leaves = {write.leaf for write in writes}
     everywhere = [write for write in nests.around if isinstance(write, Write)]
     if (
         len(nodes) < len(body)
         or not writes
         or any(value.op in WHOLE for value in values)
-        or any(user not in nodes for value in values for user, _ in nests.users[value])
+        or any(
+            user not in own
+            for value in values
+            if not is_computed_anew(value)
+            for user, _ in nests.users[value]
+        )
         or any({axis for axis, _ in write.place.strides} != {*axes} for write in writes)
         or any(write in nests.late for write in writes)
-        or any(write.leaf in leaves and write not in writes for write in everywhere)
+        or any(write.leaf in leaves and write not in own for write in everywhere)
     ):
         return None
     for leaf in sorted(leaves):
@@ -195,6 +202,8 @@ class _AtRestIn:
         if number.axes or not isinstance(factors, _Zero):
             return None
         self._finite[number] = None
+        if number.op == "constant" and copysign(1, number.args[0]) < 0:
+            return _Zero(None)
         return _Zero(None if factors.factors is None else factors.factors | {number})
 
 
