@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import torch
 
-from .expressions import WHOLE, Axis, Expression, Place
+from .expressions import WHOLE, Axis, Expression, Place, in_order
 from .nests import Loop, Nests, Node, Write, is_computed_anew
 
 
@@ -115,13 +115,15 @@ class _AtRestIn:
         self._known: dict[Expression, _AtRest] = {}
 
     def conditions(self, body: Sequence[Node]) -> IdleRows | None:
+        for value in in_order(write.value for write in (*self._traces, *self._weights)):
+            self._known[value] = self._find(value)
         positive: dict[Expression, None] = {}
         for write in self._traces:
-            after = self._of(write.value)
+            after = self._known[write.value]
             if not isinstance(after, _Zero) or after.factors is None:
                 return None
             positive |= dict.fromkeys(after.factors)
-        if any(self._of(one.value) != _Kept(one.leaf, one.place) for one in self._weights):
+        if any(self._known[one.value] != _Kept(one.leaf, one.place) for one in self._weights):
             return None
         finite = [value for value in self._finite if value not in positive]
         return IdleRows(
@@ -134,12 +136,8 @@ class _AtRestIn:
             self._weights,
         )
 
-    def _of(self, value: Expression) -> _AtRest:
-        if value not in self._known:
-            self._known[value] = self._find(value)
-        return self._known[value]
-
     def _find(self, value: Expression) -> _AtRest:
+        """Return what an expression is, of whose operands that is known."""
         if value.op == "constant" and value.dtype.is_floating_point and value.args[0] == 0:
             return _Zero(frozenset() if copysign(1, value.args[0]) > 0 else None)
         if value.op == "input" and value.args[:2] in self._places:
@@ -149,7 +147,7 @@ class _AtRestIn:
             return None
         if value.op == "eq" and self._visit(*value.operands):
             return False
-        found = [self._of(operand) for operand in value.operands]
+        found = [self._known[operand] for operand in value.operands]
         match value.op, found:
             case "where", [bool() as which, chosen, other]:
                 return chosen if which else other
@@ -198,7 +196,7 @@ class _AtRestIn:
     def _product(self, value: Expression, found: Sequence[_AtRest]) -> _AtRest:
         """Return the product of zero with a number that is the same in all rows."""
         number, zero = value.operands if found[0] is None else value.operands[::-1]
-        factors = self._of(zero)
+        factors = self._known[zero]
         if number.axes or not isinstance(factors, _Zero):
             return None
         self._finite[number] = None
