@@ -113,10 +113,12 @@ def is_computed(value: Expression) -> bool:
 def is_computed_anew(value: Expression) -> bool:
     """Return whether a family is so cheap that each loop computes it instead of reading an array.
 
-    An example is the gradient of a weight that was read by its index: 1 at the index, else 0.
+    An example is the gradient of a weight that was read by its index: 1 at the index, else 0. It
+    reads no leaf, since a write may have changed the leaf before a later loop.
     """
     return value.op in ("eq", "where") and all(
-        not operand.axes or operand.op == "table" or is_computed_anew(operand)
+        operand.op == "table"
+        or (is_computed_anew(operand) if operand.axes else operand.op != "input")
         for operand in value.operands
     )
 
