@@ -1,6 +1,6 @@
 """Measure speed and memory of learning, beside the same experiment in C and in JAX.
 
-python benchmarks/speed.py [--write docs/performance.md] [--large]
+python benchmarks/speed.py [--write docs/performance.md] [--large] [--only mountain_car]
 
 All programs take turns, since the machine's load varies. A learning step is one step of the world
 and one Q(λ) update of one run.
@@ -21,6 +21,7 @@ from page import write_page
 from tables import NOT_MEASURED, in_bytes, median_of, ratio, short, spread, table
 from yardsticks import (
     JAX_PYTHON,
+    MOUNTAIN_CAR,
     NETWORKS,
     Reading,
     build_c_limit,
@@ -32,6 +33,8 @@ from yardsticks import (
 
 RUNS = [22, 110, 1104, 11008, 49984]
 NETWORK_RUNS = 1104
+MOUNTAIN_CAR_RUNS = {1_104: 10_000, 11_008: 2_000}
+"""The steps of each run of the C programs, by the number of runs."""
 LARGE = 100_000
 MEMORY_RUNS = 11_008
 _SHARE = "whole command / (train + evaluate)"
@@ -102,6 +105,36 @@ def network_table(repetitions: int) -> str:
                     c.append(measure_c_limit(program, NETWORK_RUNS, limit.steps).rate)
         rows.append([f"`{overrides}`", spread(c), spread(ours), ratio(ours, c), short(cold)])
     return table(["", "C limit", "ours", "ours/C", "compiling, cold, s"], rows)
+
+
+def mountain_car_table(repetitions: int, jax: Path) -> str:
+    """Return a table of Sarsa(0.9) with tile coding in Mountain Car, 50 situations of each run."""
+    overrides = ("+experiment=sutton_barto_12_10", "lam=0.9", "alpha=0.0625")
+    names = [*MOUNTAIN_CAR, "JAX", "ours"]
+    rates = {(runs, name): list[float]() for runs in MOUNTAIN_CAR_RUNS for name in names}
+    with tempfile.TemporaryDirectory() as directory, ExitStack() as processes:
+        built = {name: build_c_limit(Path(directory), of) for name, of in MOUNTAIN_CAR.items()}
+        programs = {name: program for name, program in built.items() if program is not None}
+        learners = {
+            runs: processes.enter_context(Learner(runs, 50, *overrides))
+            for runs in MOUNTAIN_CAR_RUNS
+        }
+        for _ in range(repetitions):
+            readings = measure_jax(jax, "jax_mountain_car.py")
+            for runs, steps in MOUNTAIN_CAR_RUNS.items():
+                for name, program in programs.items():
+                    reading = measure_c_limit(program, runs, steps * runs)
+                    rates[runs, name].append(reading.rate)
+                if found := nearest(readings, runs):
+                    rates[runs, "JAX"].append(found.rate)
+                rates[runs, "ours"].append(learners[runs].learn().rate)
+    rows = []
+    for runs in MOUNTAIN_CAR_RUNS:
+        *others, ours = (rates[runs, name] for name in names)
+        shares = [ratio(ours, other) for other in others]
+        rows.append([f"{runs:,}", *map(spread, [*others, ours]), *shares])
+    shares = ["ours/lazy", "ours/dense", "ours/JAX"]
+    return table(["runs", *MOUNTAIN_CAR, "JAX", "ours", *shares], rows)
 
 
 def compile_table(sizes: list[Size]) -> str:
@@ -186,6 +219,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--command-runs", type=int, default=10_000, help="0: skip the command")
     parser.add_argument("--large", action="store_true", help=f"add {LARGE:,} runs: minutes more")
+    parser.add_argument("--only", choices=["mountain_car"], help="print this table alone")
     parser.add_argument("--jax", type=Path, default=JAX_PYTHON, help="a Python that has JAX")
     parser.add_argument("--write", type=Path, help="page to write; its hand-written part is kept")
     return parser.parse_args()
@@ -193,6 +227,9 @@ def arguments() -> argparse.Namespace:
 
 def main() -> None:
     given = arguments()
+    if given.only == "mountain_car":
+        print(mountain_car_table(given.repetitions, given.jax))
+        return
     # Fewer situations for the largest numbers of runs, to keep the benchmark short.
     sizes = [Size(runs, given.situations or (50 if runs > 20_000 else 200)) for runs in given.runs]
     measure_sizes(sizes, given.repetitions, given.jax)
@@ -204,6 +241,7 @@ def main() -> None:
         "speed": speed_table(sizes),
         "networks": network_table(given.repetitions),
         "network_runs": f"{NETWORK_RUNS:,}",
+        "mountain_car": mountain_car_table(given.repetitions, given.jax),
         "compile": compile_table(sizes),
         "memory": memory_table(sizes),
         "command": command_table(given.command_runs, given.repetitions),

@@ -98,7 +98,12 @@ def make_step(config: WorldConfig) -> Callable[[int], Step]:
             after = env.step(world.copy().set("action", action))["next"]
             read = sum(after[key] for key in env.seen) + after["reward"]
             return TensorDict(
-                {"world": env.restart(after), "read": state["read"] + read}, state.batch_size
+                {
+                    "world": env.restart(after),
+                    "read": state["read"] + read,
+                    "over": state["over"],
+                },
+                state.batch_size,
             )
 
         return step
@@ -106,11 +111,15 @@ def make_step(config: WorldConfig) -> Callable[[int], Step]:
     return make
 
 
-def start(config: WorldConfig, lanes: int) -> tuple[TensorDict, TensorDict]:
-    """Return ``stays`` and the first ``state`` of the step (:data:`.loops.Step`)."""
-    seed = torch.arange(lanes).unsqueeze(-1)
+def start(config: WorldConfig, lanes: int, worlds: int) -> tuple[TensorDict, TensorDict]:
+    """Return ``stays`` and the first ``state`` of the step (:data:`.loops.Step`).
+
+    As in training, the lanes after the given number of worlds repeat the last one, and are over.
+    """
+    numbers = torch.arange(lanes).unsqueeze(-1)
+    seed = numbers.clamp(max=worlds - 1)
     world = make_world(config, [lanes], seed=0).start(seed, torch.zeros_like(seed))
-    state = {"world": world, "read": torch.zeros(lanes, 1)}
+    state = {"world": world, "read": torch.zeros(lanes, 1), "over": numbers >= worlds}
     return TensorDict({}, [lanes]), TensorDict(state, [lanes])
 
 
@@ -122,7 +131,9 @@ class Drivers:
         workers = torch.get_num_threads()
         lanes = lanes_for(worlds, workers, 2**11)
         parts = -(-worlds // lanes)
-        self._parts: list[Running] = [loop(*start(config, lanes)) for _ in range(parts)]
+        self._parts: list[Running] = [
+            loop(*start(config, lanes, worlds - part * lanes)) for part in range(parts)
+        ]
         self._pool = ThreadPoolExecutor(workers)
 
     def rate(self, seconds: float) -> float:
@@ -157,7 +168,7 @@ def measure(sizes: Sequence[int], repetitions: int, seconds: float) -> list[Scen
     for scene in scenes:
         config = load_config(*SCENES[scene.name]).env
         print(f"compiling {scene.name}", file=sys.stderr, flush=True)
-        loop = NativeLoop(make_step(config), *start(config, LANES))
+        loop = NativeLoop(make_step(config), *start(config, LANES, LANES))
         ours.append([Drivers(loop, config, worlds) for worlds in sizes])
     for repetition in range(repetitions):
         for scene, of_scene in zip(scenes, ours, strict=True):

@@ -10,7 +10,7 @@ BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
 
 @pytest.mark.skipif(not shutil.which("gcc"), reason="needs gcc")
-@pytest.mark.parametrize("name", ["limit", "limit_mlp", "limit_tiles"])
+@pytest.mark.parametrize("name", ["limit", "limit_mlp", "limit_mountain_car", "limit_tiles"])
 def test_a_c_program_prints_its_rate(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,8 +1,9 @@
 """Yardsticks: the default experiment in C and in JAX, and robots with a lidar in other simulators.
 
 `make bench` compares our speed with all of them. `limit_mlp.c` and `limit_tiles.c` are the default
-experiment with other value functions. `vmas_lidar.py` and `irsim_lidar.py` drive at random in VMAS
-and IR-SIM. JAX, VMAS and IR-SIM have virtual environments of their own.
+experiment with other value functions. `limit_mountain_car.c` and `jax_mountain_car.py` are
+Sarsa(λ) with tile coding in another world. `vmas_lidar.py` and `irsim_lidar.py` drive at random in
+VMAS and IR-SIM. JAX, VMAS and IR-SIM have virtual environments of their own.
 """
 
 import re
@@ -37,6 +38,12 @@ NETWORKS = {
 }
 """The C program for each configuration of ours."""
 
+MOUNTAIN_CAR = {
+    "C, lazy": Limit("limit_mountain_car.c"),
+    "C, dense": Limit("limit_mountain_car.c", ("-DDENSE",)),
+}
+"""The C programs for Mountain Car: what a step visits is changed, or all weights and traces."""
+
 _LINE = re.compile(
     r"runs=(?P<runs>\d+) (?P<rate>[\d.]+) M learning steps/s(.*first call (?P<first>[\d.]+) s)?"
 )
@@ -69,13 +76,13 @@ def measure_c_limit(program: Path, runs: int, steps: int = _C_STEPS) -> Reading:
     return readings_of(finished)[runs]
 
 
-def measure_jax(python: Path) -> dict[int, Reading]:
-    """Return the JAX script's readings by number of runs; if it fails, print why and return {}.
+def measure_jax(python: Path, script: str = "jax_scan.py") -> dict[int, Reading]:
+    """Return a JAX script's readings by number of runs; if it fails, print why and return {}.
 
     The script's numbers of runs are fixed.
     """
     try:
-        return readings_of(run_watched([str(python), str(FOLDER / "jax_scan.py")]))
+        return readings_of(run_watched([str(python), str(FOLDER / script)]))
     except (OSError, subprocess.CalledProcessError) as error:
         print(f"JAX: not measured, {reason(error)}", flush=True)
         return {}

@@ -125,6 +125,7 @@ def _work(
     running = task.loop(*task.begin(repeat_last(fresh, lanes)))
     jobs = torch.full((lanes,), -1)
     jobs[: len(fresh)] = fresh
+    _rest(running, jobs)
     while len(jobs) and not queue.closed:
         running.advance(task.steps)
         with turn:
@@ -154,4 +155,12 @@ def _without_idle(loop: Loop, jobs: Tensor, running: Running) -> tuple[Tensor, R
     kept = repeat_last(busy, lanes)
     jobs = jobs[kept]
     jobs[len(busy) :] = -1
-    return jobs, loop(running.stays[kept], running.state[kept])
+    running = loop(running.stays[kept], running.state[kept])
+    _rest(running, jobs)
+    return jobs, running
+
+
+def _rest(running: Running, jobs: Tensor) -> None:
+    """Mark the lanes without a job as finished: a native loop skips vectors of such lanes."""
+    if "over" in running.state:
+        running.state["over"][jobs < 0] = True

@@ -237,3 +237,30 @@ def test_fewer_threads_than_workers_are_enough(
     else:
         with pytest.raises(ConfigError, match="no thread can be started here: allow more"):
             work_through(task, torch.arange(len(lengths)), lanes=2, workers=4)
+
+
+class Once:
+    """Jobs of a single step; ``seen`` has each lane's ``over`` at the start of every step."""
+
+    steps = 1
+
+    def __init__(self) -> None:
+        self.seen: list[list[bool]] = []
+        self.loop = AnyLanes(self.advance)
+
+    def begin(self, jobs: Tensor) -> tuple[TensorDict, TensorDict]:
+        over = torch.zeros(len(jobs), 1, dtype=torch.bool)
+        return TensorDict({}, jobs.shape), TensorDict({"over": over}, jobs.shape)
+
+    def advance(self, stays: TensorDictBase, state: TensorDictBase) -> TensorDictBase:
+        self.seen.append(state["over"].squeeze(-1).tolist())
+        return state
+
+    def collect(self, jobs: Tensor, state: TensorDictBase) -> Tensor:
+        return torch.ones(len(jobs), dtype=torch.bool)
+
+
+def test_lanes_without_a_job_are_over() -> None:
+    task = Once()
+    work_through(task, torch.arange(2), lanes=4, workers=1)
+    assert task.seen == [[False, False, True, True]]

@@ -9,8 +9,9 @@ A lane is the place of one run in a batch. The stages:
    elements, a family, which depends on a loop variable.
 3. :mod:`.translation` compares the two runs: each must compute the same function of its own state
    alone.
-4. :mod:`.nests` orders one run's expressions and puts families in loops. A sum shares the loop of
-   the products that it adds up.
+4. :mod:`.nests` orders one run's expressions and puts families in loops, and what only some lanes
+   need in branches. A sum shares the loop of the products that it adds up. :mod:`.idle` finds the
+   loops of which most rows stay as they are.
 5. :mod:`.statements` writes them as text, in the words of a language: :mod:`.source` has those of
    C++, and writes the program; :mod:`.build` compiles and caches it.
 

@@ -9,7 +9,7 @@ import torch
 from .arrays import Array, each
 from .call import Call, Operations
 from .errors import Unsupported
-from .source import FUNCTIONS
+from .expressions import FUNCTIONS
 
 aten = torch.ops.aten
 

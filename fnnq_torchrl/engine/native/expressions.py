@@ -26,6 +26,13 @@ _OF_BOOLEANS = {
     "maximum": "bitwise_or",
     "minimum": "bitwise_and",
 }
+_PLAIN = {name: name for name in ("ceil", "floor", "fmod", "sqrt", "trunc")}
+_PLAIN |= {"abs": "fabs", "round": "rint"}
+VECTORISED = {"acos", "asin", "atan", "atan2", "cos", "cosh", "erf", "exp", "expm1", "log"}
+VECTORISED |= {"log1p", "pow", "sin", "sinh", "tan", "tanh"}
+FUNCTIONS = _PLAIN | {name: name for name in VECTORISED}
+"""The C library's functions, by torch's names."""
+
 _EXACT = ("abs", "add", "ceil", "div", "floor", "mul", "neg", "sub")
 """Operations that are rounded the same everywhere, so those of constants are computed at once."""
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import torch
 
-from .expressions import WHOLE, Axis, Expression, Place
-from .nests import Loop, Nests, Node, Write
+from .expressions import WHOLE, Axis, Expression, Place, in_order
+from .nests import Loop, Nests, Node, Write, is_computed_anew
 
 
 @dataclass(frozen=True)
@@ -67,25 +67,32 @@ _OF_ZEROS = {"eq": True, "ge": True, "le": True, "ne": False, "gt": False, "lt":
 
 def idle_rows(loop: Loop, nests: Nests) -> IdleRows | None:
     """Return the conditions for idle rows of a loop; None if rows can't be left out."""
-    axes, body = [], [loop]
-    while len(body) == 1 and isinstance(body[0], Loop):
-        (inner,) = body
-        assert inner.axis is not None
+    axes: list[Axis] = []
+    inner: Node | Loop = loop
+    while isinstance(inner, Loop):
+        if not isinstance(inner.axis, Axis):
+            return None
         axes.append(inner.axis)
-        body = inner.body
+        body, inner = inner.body, inner.body[0]
     nodes = [node for node in body if not isinstance(node, Loop)]
     writes = [node for node in nodes if isinstance(node, Write)]
-    values = {node for node in nodes if isinstance(node, Expression)}
+    values = [node for node in nodes if isinstance(node, Expression)]
+    own = {*nodes}
     leaves = {write.leaf for write in writes}
     everywhere = [write for write in nests.around if isinstance(write, Write)]
     if (
         len(nodes) < len(body)
         or not writes
         or any(value.op in WHOLE for value in values)
-        or any(user not in nodes for value in values for user, _ in nests.users[value])
+        or any(
+            user not in own
+            for value in values
+            if not is_computed_anew(value)
+            for user, _ in nests.users[value]
+        )
         or any({axis for axis, _ in write.place.strides} != {*axes} for write in writes)
         or any(write in nests.late for write in writes)
-        or any(write.leaf in leaves and write not in writes for write in everywhere)
+        or any(write.leaf in leaves and write not in own for write in everywhere)
     ):
         return None
     for leaf in sorted(leaves):
@@ -108,13 +115,15 @@ class _AtRestIn:
         self._known: dict[Expression, _AtRest] = {}
 
     def conditions(self, body: Sequence[Node]) -> IdleRows | None:
+        for value in in_order(write.value for write in (*self._traces, *self._weights)):
+            self._known[value] = self._find(value)
         positive: dict[Expression, None] = {}
         for write in self._traces:
-            after = self._of(write.value)
+            after = self._known[write.value]
             if not isinstance(after, _Zero) or after.factors is None:
                 return None
             positive |= dict.fromkeys(after.factors)
-        if any(self._of(one.value) != _Kept(one.leaf, one.place) for one in self._weights):
+        if any(self._known[one.value] != _Kept(one.leaf, one.place) for one in self._weights):
             return None
         finite = [value for value in self._finite if value not in positive]
         return IdleRows(
@@ -127,12 +136,8 @@ class _AtRestIn:
             self._weights,
         )
 
-    def _of(self, value: Expression) -> _AtRest:
-        if value not in self._known:
-            self._known[value] = self._find(value)
-        return self._known[value]
-
     def _find(self, value: Expression) -> _AtRest:
+        """Return what an expression is, of whose operands that is known."""
         if value.op == "constant" and value.dtype.is_floating_point and value.args[0] == 0:
             return _Zero(frozenset() if copysign(1, value.args[0]) > 0 else None)
         if value.op == "input" and value.args[:2] in self._places:
@@ -142,7 +147,7 @@ class _AtRestIn:
             return None
         if value.op == "eq" and self._visit(*value.operands):
             return False
-        found = [self._of(operand) for operand in value.operands]
+        found = [self._known[operand] for operand in value.operands]
         match value.op, found:
             case "where", [bool() as which, chosen, other]:
                 return chosen if which else other
@@ -191,10 +196,12 @@ class _AtRestIn:
     def _product(self, value: Expression, found: Sequence[_AtRest]) -> _AtRest:
         """Return the product of zero with a number that is the same in all rows."""
         number, zero = value.operands if found[0] is None else value.operands[::-1]
-        factors = self._of(zero)
+        factors = self._known[zero]
         if number.axes or not isinstance(factors, _Zero):
             return None
         self._finite[number] = None
+        if number.op == "constant" and copysign(1, number.args[0]) < 0:
+            return _Zero(None)
         return _Zero(None if factors.factors is None else factors.factors | {number})
 
 

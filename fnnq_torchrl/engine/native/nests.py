@@ -6,14 +6,21 @@ once all its users are placed; it then comes right before them, in the open loop
 is computed as late, and as near to its use, as possible. Nodes share a loop unless one needs a
 number that another only has after the loop: the result of a reduction (a fold), or the number of
 another iteration.
+
+Some nodes are needed only by lanes in which a condition holds, such as the start of an episode. If
+there are many of them, they are put into a branch, which the program skips if the condition holds
+in no lane. A branch is a loop around nodes, too, but runs at most once.
 """
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
-from math import gcd
+from math import gcd, prod
 
-from .expressions import Axis, Expression, Place, in_order
+from .expressions import FUNCTIONS, Axis, Expression, Place, in_order
+
+_WORTH_A_BRANCH = 100
+"""The fewest operations in a branch: a branch that is predicted wrong costs some fifty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,16 +43,27 @@ class Write:
 Node = Expression | Write
 
 
-@dataclass(eq=False)
-class Loop:
-    """A loop over an axis, or the whole step if there is no axis.
+@dataclass(frozen=True)
+class Branch:
+    """The part of a step that only lanes need in which a condition holds.
 
     Attributes:
-        axis: the loop's axis; None for the whole step.
+        mask: the condition.
+    """
+
+    mask: Expression
+
+
+@dataclass(eq=False)
+class Loop:
+    """A loop over an axis, a branch, or the whole step.
+
+    Attributes:
+        axis: the loop's axis; for a branch, its condition; None for the whole step.
         body: the nodes and inner loops in order.
     """
 
-    axis: Axis | None = None
+    axis: Axis | Branch | None = None
     body: list["Node | Loop"] = field(default_factory=list)
 
 
@@ -90,6 +108,19 @@ def _resolved(operand: Expression) -> list[tuple[Expression, frozenset[Axis]]]:
 def is_computed(value: Expression) -> bool:
     """Return whether an expression is an operation rather than an input or part of a family."""
     return value.op not in ("constant", "input", "table", "at")
+
+
+def is_computed_anew(value: Expression) -> bool:
+    """Return whether a family is so cheap that each loop computes it instead of reading an array.
+
+    An example is the gradient of a weight that was read by its index: 1 at the index, else 0. It
+    reads no leaf, since a write may have changed the leaf before a later loop.
+    """
+    return value.op in ("eq", "where") and all(
+        operand.op == "table"
+        or (is_computed_anew(operand) if operand.axes else operand.op != "input")
+        for operand in value.operands
+    )
 
 
 def path(node: Node, rank: Mapping[Axis, int]) -> tuple[Axis, ...]:
@@ -148,7 +179,6 @@ class _Arrangement:
         nodes: list[Node] = [*order, *writes]
         self._order = {node: number for number, node in enumerate(nodes)}
         self._rank = ranks([*every, *writes])
-        self._paths = {node: path(node, self._rank) for node in self._order}
         self._users: dict[Expression, list[tuple[Node, frozenset[Axis]]]] = defaultdict(list)
         self._reads: dict[Node, list[Expression]] = {}
         for node in self._order:
@@ -156,6 +186,14 @@ class _Arrangement:
             self._reads[node] = [value for value, _ in reads if value in self._order]
             for value, moved in reads:
                 self._users[value].append((node, moved))
+        branches = _branches(order, self._users)
+        self._paths: dict[Node, tuple[Axis | Branch, ...]] = {
+            node: path(node, self._rank) for node in self._order
+        }
+        for value, branch in branches.items():  # the condition is computed before the branch
+            self._paths[value] = (branch, *self._paths[value])
+            self._reads[value].append(branch.mask)
+            self._users[branch.mask].append((value, frozenset()))
         self._waiting = Counter[Node](dict.fromkeys(self._order, 0))
         for reads_of in self._reads.values():
             self._waiting.update(reads_of)
@@ -218,15 +256,20 @@ class _Arrangement:
             if not self._waiting[value]:
                 self._free[value] = None
 
-    def _next(self, axes: Sequence[Axis], depth: int, stack: tuple[Loop, ...]) -> Axis:
+    def _next(
+        self, axes: Sequence[Axis | Branch], depth: int, stack: tuple[Loop, ...]
+    ) -> Axis | Branch:
         """Choose the loop to open next: the one that gains least by waiting for the others."""
         if len(axes) == 1:
             return axes[0]
         prefix = tuple(loop.axis for loop in stack[1:])
         gains = {axis: self._gain((*prefix, axis)) for axis in axes}
-        return min(axes, key=lambda axis: (gains[axis], self._rank[axis]))
+        return min(
+            axes,
+            key=lambda axis: (gains[axis], self._rank[axis] if isinstance(axis, Axis) else -1),
+        )
 
-    def _gain(self, prefix: tuple[Axis | None, ...]) -> int:
+    def _gain(self, prefix: tuple[Axis | Branch | None, ...]) -> int:
         """Return how many more nodes a loop could hold if all other loops were placed first."""
 
         def inside(node: Node) -> bool:
@@ -267,6 +310,49 @@ class _Arrangement:
         return not any(
             user in loop and (outer in moved or outer in fold) for user, moved in self._users[value]
         )
+
+
+def _branches(
+    order: Sequence[Expression],
+    users: Mapping[Expression, Sequence[tuple[Node, frozenset[Axis]]]],
+) -> dict[Expression, Branch]:
+    """Return the branch of each expression that needn't be computed in every step.
+
+    Args:
+        order: all expressions, each after its operands.
+        users: for each expression, the nodes that read it.
+    """
+    # The conditions that hold in every lane that needs the expression's number.
+    conditions: dict[Node, frozenset[Expression]] = {}
+    for value in reversed(order):
+        needed = [
+            conditions.get(user, frozenset()) | _chosen_by(user, value) for user, _ in users[value]
+        ]
+        conditions[value] = frozenset.intersection(*needed)
+    costs = Counter[Expression]()
+    for value in order:
+        for mask in conditions[value]:
+            costs[mask] += _cost(value)
+    worth = [mask for mask in order if costs[mask] >= _WORTH_A_BRANCH and not conditions[mask]]
+    branches = {}
+    for value in order:
+        if masks := [mask for mask in worth if mask in conditions[value]]:
+            branches[value] = Branch(max(masks, key=lambda mask: costs[mask]))
+    return branches
+
+
+def _chosen_by(user: Node, value: Expression) -> frozenset[Expression]:
+    """Return the condition under which a node needs a value, as a set of at most one."""
+    if isinstance(user, Expression) and user.op == "where" and not user.axes:
+        mask, chosen, other = (_resolved(operand)[0][0] for operand in user.operands)
+        if chosen is value and value not in (mask, other) and is_computed(mask):
+            return frozenset([mask])
+    return frozenset()
+
+
+def _cost(value: Expression) -> int:
+    """Return about how many simple operations of a lane compute an expression."""
+    return (10 if value.op in FUNCTIONS else 1) * prod(axis.size for axis in value.axes)
 
 
 def _leaves(node: Node) -> list[tuple[int, Place]]:
@@ -319,7 +405,7 @@ def _turn_round(loop: Loop, order: Mapping[Node, int]) -> None:
     between: list[Node] = []
     for one in [*loop.body[::-1], Loop()]:
         if isinstance(one, Loop):
-            parts = _independent(between) if loop.axis is not None else [between]
+            parts = _independent(between) if isinstance(loop.axis, Axis) else [between]
             for part in parts:
                 values = [node for node in part if isinstance(node, Expression)]
                 values.sort(key=lambda value: order[value])

@@ -151,7 +151,7 @@ public:
 }  // namespace
 """
 
-VECTORISED = """\
+DECLARATION = """\
 #if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__)
 #if __GLIBC_PREREQ(2, 35)
 #pragma omp declare simd notinbranch

@@ -7,8 +7,8 @@ from string import Template
 import torch
 
 from .errors import Unsupported
-from .expressions import COMPARISONS, Expression
-from .prelude import PRELUDE, RUN, VECTORISED
+from .expressions import COMPARISONS, FUNCTIONS, VECTORISED, Expression
+from .prelude import DECLARATION, PRELUDE, RUN
 from .statements import INFIX, Language, Leaf, Rows, Statements, leaf_name
 
 _TYPES = {
@@ -29,13 +29,6 @@ _COMPARISONS = dict(zip(COMPARISONS, ("==", "!=", "<", "<=", ">", ">="), strict=
 _PREFIX = {"neg": "-", "bitwise_not": "~", "copy": ""}
 _CALLS = ("where", "maximum", "minimum")
 _LIMITS = {"maximum": "at_least", "minimum": "at_most"}  # for a constant second operand
-_PLAIN = {name: name for name in ("ceil", "floor", "fmod", "sqrt", "trunc")}
-_PLAIN |= {"abs": "fabs", "round": "rint"}
-_VECTORISED = {"acos", "asin", "atan", "atan2", "cos", "cosh", "erf", "exp", "expm1", "log"}
-_VECTORISED |= {"log1p", "pow", "sin", "sinh", "tan", "tanh"}
-FUNCTIONS = _PLAIN | {name: name for name in _VECTORISED}
-"""The C library's functions, by torch's names."""
-
 
 _SMALL = 64
 """The most vectors of an array on the stack; larger arrays are on the heap."""
@@ -57,11 +50,11 @@ def program(leaves: Sequence[Leaf], over: int | None = None) -> str:
     real = torch.float64 if any(leaf.dtype is torch.float64 for leaf in leaves) else torch.float32
     body = [*statements.body()]
     if over is not None:
-        body.append(f"if (everywhere({leaf_name(over)}[0])) break;")
+        body = [f"if (everywhere({leaf_name(over)}[0])) break;", *body]
     prelude = Template(PRELUDE).substitute(
         real=_NUMBERS[real], mask="i64" if real is torch.float64 else "i32"
     )
-    vectorised = {_declaration(value) for value in statements.every if value.op in _VECTORISED}
+    vectorised = {_declaration(value) for value in statements.every if value.op in VECTORISED}
     changed = statements.changed
     arrays = {leaf_name(n): (leaf.dtype, leaf.size) for n, leaf in enumerate(leaves)}
     arrays |= statements.arrays()
@@ -205,7 +198,7 @@ def _call(op: str, dtype: torch.dtype, operands: Iterable[str]) -> str:
 def _declaration(value: Expression) -> str:
     number = _NUMBERS[value.dtype]
     function = _call(value.op, value.dtype, [number] * len(value.operands)).removeprefix("::")
-    return Template(VECTORISED).substitute(number=number, function=function)
+    return Template(DECLARATION).substitute(number=number, function=function)
 
 
 def _loads(number: int, leaf: Leaf) -> Iterable[str]:

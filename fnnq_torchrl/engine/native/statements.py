@@ -18,7 +18,17 @@ from .arrays import Axes
 from .errors import Unsupported
 from .expressions import WHOLE, Axis, Expression, Place, Where, in_order
 from .idle import idle_rows
-from .nests import Loop, Nests, Node, Write, arrange, is_computed, shared
+from .nests import (
+    Branch,
+    Loop,
+    Nests,
+    Node,
+    Write,
+    arrange,
+    is_computed,
+    is_computed_anew,
+    shared,
+)
 
 _REGISTERS = 8
 """The largest number of sums in one loop: half of a processor's vector registers."""
@@ -151,13 +161,16 @@ class Statements:
         }
         self._late = {write: f"late_{number}" for number, write in enumerate(nests.late)}
         self._opened: dict[Loop, list[Expression]] = defaultdict(list)
+        self._kept: dict[Loop, list[Expression]] = defaultdict(list)
         self._homes: dict[Expression, tuple[Loop, ...]] = {}
         self._inner: dict[Expression, Axes] = {}
         self._axes: dict[Expression, Axes] = {}
         for value in nests.around:
             if isinstance(value, Expression):
                 self._settle(value)
-        found = {one: idle_rows(one, nests) for one in nests.whole.body if isinstance(one, Loop)}
+        self._assigned = {value for values in self._kept.values() for value in values}
+        loops = [one for one in nests.whole.body if isinstance(one, Loop)]
+        found = {loop: idle_rows(loop, nests) for loop in loops}
         self._idle = {loop: idle for loop, idle in found.items() if idle is not None}
         self._row: Axes = ()
 
@@ -197,7 +210,10 @@ class Statements:
         both = min(len(shared(home, self._nests.around[user])) for user, _ in users)
         self._homes[value], self._inner[value] = home, inner
         if axes := _axes(home[both:]) + inner:
-            self._axes[value] = axes
+            if not is_computed_anew(value) or any(moved for _, moved in users):
+                self._axes[value] = axes
+        elif both < len(home):  # a branch's result
+            self._kept[home[-1]].append(value)
 
     def arrays(self) -> dict[str, tuple[torch.dtype, int]]:
         """Return the dtype and the size of each intermediate array, by the array's name."""
@@ -255,8 +271,17 @@ class Statements:
 
     def _lines(self, around: tuple[Loop, ...], body: Sequence[Node | Loop]) -> Iterable[str]:
         for one in body:
-            if isinstance(one, Loop):
-                assert one.axis is not None
+            if isinstance(one, Loop) and isinstance(one.axis, Branch):
+                for value in self._kept[one]:
+                    zero = self._language.same(self._language.literal(0, value.dtype), value.dtype)
+                    yield self._language.declare(value.dtype, self._names[value], zero)
+                mask = self._name(one.axis.mask, around)
+                yield f"if ({self._language.anywhere(mask)}) {{"
+                yield from ("    " + line for line in self._lines((*around, one), one.body))
+                yield "}"
+                kept = []
+            elif isinstance(one, Loop):
+                assert isinstance(one.axis, Axis)
                 if (lines := self._awake(one, around)) is not None:
                     yield from lines
                     continue
@@ -337,6 +362,8 @@ class Statements:
         first = self._language.same(literal, fold.dtype)
         if axes := self._inner[fold]:
             return self._looped(axes, f"{self._element(fold, {})} = {first};")
+        if fold in self._assigned:
+            return f"{self._names[fold]} = {first};"
         return self._language.declare(fold.dtype, self._names[fold], first)
 
     def _definition(self, value: Expression, around: tuple[Loop, ...]) -> str:
@@ -352,6 +379,8 @@ class Statements:
         else:
             operands = [self._name(operand, around) for operand in value.operands]
             formula = self._language.formula(value.op, value, operands)
+        if value in self._assigned:
+            return f"{self._names[value]} = {formula};"
         return self._language.define(value.dtype, self._names[value], formula)
 
     def _stride(self, family: Expression, chain: Axes) -> int:
@@ -391,6 +420,9 @@ class Statements:
             home = self._homes[value]
             if self._inner[value] or around[: len(home)] != home:
                 return self._element(value, {})
+        elif value.axes and around[: len(self._homes[value])] != self._homes[value]:
+            operands = [self._name(operand, around) for operand in value.operands]
+            return f"({self._language.formula(value.op, value, operands)})"
         return self._names[value]
 
     def _element(self, value: Expression, where: Where) -> str:
@@ -464,7 +496,7 @@ def _neutral(fold: Expression) -> float:
 
 
 def _axes(loops: Iterable[Loop]) -> Axes:
-    return tuple(loop.axis for loop in loops if loop.axis is not None)
+    return tuple(loop.axis for loop in loops if isinstance(loop.axis, Axis))
 
 
 def _index(place: Place) -> str:

@@ -24,7 +24,7 @@ UNARY = (
 )
 BINARY = "add sub mul div atan2 maximum minimum eq ne lt le gt ge pow logaddexp"
 DIFFERENTIABLE = (
-    "tanh sigmoid relu silu leaky_relu gelu softplus softmax layer_norm bmm cumsum table gather "
+    "tanh sigmoid relu silu leaky_relu gelu softplus softmax layer_norm bmm cumsum table "
     "selected reshaped cat stack amax exp where"
 )
 
@@ -97,7 +97,13 @@ REAL: dict[str, Function] = {
     "pad": lambda x, y, k, m: F.pad(x, (1, 2), value=7.0),
     "gather": lambda x, y, k, m: x.gather(-1, k),
     "index": lambda x, y, k, m: torch.linspace(0, 3, 2 * N).view(N, 2)[k[:, 0]],
+    "gather from merged dimensions": lambda x, y, k, m: x.view(-1, 2, 3).flatten(1).gather(1, k),
+    "gather of what is computed": lambda x, y, k, m: (x * y).view(-1, 3, 2).flatten(1).gather(1, k),
+    "gather by a narrow index": lambda x, y, k, m: x.gather(1, k.int().long()),
     "scatter": lambda x, y, k, m: x.scatter(-1, k, y),
+    "scatter into merged dimensions": lambda x, y, k, m: (
+        torch.zeros_like(x).scatter(1, k, y).view(-1, 2, 3).transpose(1, 2) + x.view(-1, 3, 2)
+    ),
     "scatter_add": lambda x, y, k, m: x.scatter_add(-1, k, y),
 }
 WHOLE: dict[str, Function] = {
@@ -122,6 +128,7 @@ WHOLE: dict[str, Function] = {
 OPEN = {"gelu", "silu", "softplus", "softmax", "log_softmax", "logsumexp", "logaddexp"}
 OPEN |= {"layer_norm", "var", "norm", "remainder", "pow"}
 GRADIENTS: dict[str, Function] = {name: REAL[name] for name in DIFFERENTIABLE.split()}
+GRADIENTS |= {name: function for name, function in REAL.items() if name.startswith("gather")}
 
 
 def data(dtype: torch.dtype) -> TensorDict:

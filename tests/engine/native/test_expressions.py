@@ -54,6 +54,25 @@ def test_what_would_change_a_bit_stays() -> None:
     assert make.cast(make.cast(wide, torch.int32), I64).args[0] == 5
 
 
+def test_what_is_constant_is_computed_at_once() -> None:
+    make = Expressions(100)
+    one, other = make.constant(0.1, F32), make.constant(0.2, F32)
+    assert make("add", F32, one, other) is make.constant((torch.tensor(0.1) + 0.2).item(), F32)
+    assert make("sin", F32, one).op == "sin"  # is not the same on every machine
+    # The program counts numbers that are too small for all their digits as zero.
+    assert make("mul", F32, make.constant(1e-30, F32), make.constant(1e-10, F32)).op == "mul"
+    assert make("add", F32, make.constant(1e-39, F32), one).op == "add"
+
+
+def test_a_choice_of_positive_numbers_is_its_own_absolute_value() -> None:
+    make = Expressions(100)
+    p, one, zero = make.input(0, 0, 0, BOOL), make.constant(1, F32), make.constant(0, F32)
+    choice = make("where", F32, p, one, zero)
+    assert make("abs", F32, choice) is choice
+    negative = make("where", F32, p, one, make.constant(-0.0, F32))
+    assert make("abs", F32, negative) is not negative
+
+
 def test_tables_are_told_apart_by_every_bit() -> None:
     make = Expressions(100)
     index = make.input(0, 0, 0, I64)

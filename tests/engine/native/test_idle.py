@@ -143,3 +143,15 @@ def test_a_run_alone_is_the_run_in_a_batch() -> None:
     one, same = bits(together.state[6]), bits(alone.state[0])
     assert torch.equal(one["w"], same["w"])
     assert torch.equal(one["e"], same["e"])
+
+
+def test_a_choice_in_two_loops_is_made_with_the_number_before_the_step() -> None:
+    def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
+        w, a, n = state["w"], state["a"], state["n"]
+        f = torch.where(torch.arange(CELLS) == n, a, 0.0)
+        total = (f * w).sum(-1, keepdim=True)  # a loop of its own, before that of w
+        return TensorDict({"w": w + f * total, "a": a * 0.5 + 1, "n": n + 1}, state.batch_size)
+
+    w = torch.linspace(-1, 1, LANES * CELLS).view(LANES, CELLS)
+    state = {"w": w, "a": torch.ones(LANES, 1), "n": torch.zeros(LANES, 1, dtype=torch.int64)}
+    assert_same_bits(step, TensorDict({}, [LANES]), TensorDict(state, [LANES]))
