@@ -207,8 +207,9 @@ class Config(Parameters):
         if self.trace == "dutch" and self.rules is not None and self.rules.frozen:
             yield OutOfRange("rules.frozen", self.rules.frozen, "[] with trace=dutch")
         kind = self.value.kind
-        if self.trace == "clearing" and kind not in ("table", "tiles") and not is_own(kind):
-            yield OutOfRange("value.kind", kind, "table or tiles with trace=clearing")
+        clears = "table", "tiles", "tiles_sum"
+        if self.trace == "clearing" and kind not in clears and not is_own(kind):
+            yield OutOfRange("value.kind", kind, "table, tiles or tiles_sum with trace=clearing")
         if self.variant == "expected_sarsa" and self.exploration == "noise":
             allowed = "epsilon_greedy or boltzmann with variant=expected_sarsa"
             yield OutOfRange("exploration", self.exploration, allowed)

@@ -10,7 +10,7 @@ from .base import ValueNetwork
 from .fnnq import FNNQValue
 from .mlp import MLPValue
 from .rbf import RBFValue
-from .sums import FNNQSumValue
+from .sums import FNNQSumValue, TilesSumValue
 from .table import TableValue
 from .tiles import TilesValue
 
@@ -21,6 +21,7 @@ __all__ = [
     "MLPValue",
     "RBFValue",
     "TableValue",
+    "TilesSumValue",
     "TilesValue",
     "ValueNetwork",
     "make_value_network",
@@ -33,6 +34,7 @@ NETWORKS: dict[str, type[ValueNetwork]] = {
     "rbf": RBFValue,
     "table": TableValue,
     "tiles": TilesValue,
+    "tiles_sum": TilesSumValue,
 }
 """The networks by kind."""
 
