@@ -218,7 +218,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             "value.tilings=4",
-            "value.tilings=4: value=fnnq has no tilings; it belongs to value=tiles",
+            "value.tilings=4: value=fnnq has no tilings; it belongs to value=tiles or tiles_sum",
         ),
         (
             "value.widht=sigma",

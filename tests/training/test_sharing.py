@@ -29,7 +29,7 @@ def test_nothing_is_told_if_no_tiles_share_a_weight(overrides: tuple[str, ...]) 
 
 
 def test_pairs_of_inputs_have_far_fewer_tiles() -> None:
-    pole = ("task=cart_pole", "value.tilings=4", "value.memory=1")
+    pole = ("task=cart_pole", "value.tilings=4", "value.tiles=8", "value.memory=1")
     whole, pairs = (
         sharing_in_words(load_config(f"value={kind}", *pole)) for kind in ("tiles", "tiles_sum")
     )
