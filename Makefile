@@ -6,6 +6,7 @@ STAMP := $(VENV)/installed
 # Drawing a picture of each job would take longer than training it.
 EXPERIMENT := $(BIN)/python -m fnnq_torchrl.train hydra.launcher.pictures_up_to=0
 SEEDS := 1000
+GENERAL := sensitivity sensitivity_values best_exploration chain two_states
 KILLS := 25
 ROUNDS := 200
 STEPS := 10
@@ -19,7 +20,7 @@ BROWSER := tests/browser/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator textbook stream-q test test-long foreign browser docs fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
+.PHONY: help install run figures reproduction general-claims adaptive extrapolation rules memberships prior simulator textbook stream-q test test-long foreign browser docs fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
@@ -38,7 +39,12 @@ figures: install  ## the paper's figures and ours, 22 seeds each, into outputs/f
 reproduction: install  ## docs/reproduction.md: the paper's claims over 10,000 seeds (SEEDS=1000: seeds of the other experiments)
 	for name in fig2_large fig3_large decay_large; do $(EXPERIMENT) +experiment=$$name || exit; done
 	for name in traces decay exploration variants open_choices; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
+	for name in $(GENERAL); do $(EXPERIMENT) +experiment=$$name || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction
+
+general-claims: install  ## the second part of docs/reproduction.md alone: what the paper says of Q(λ) in general (takes some minutes)
+	for name in $(GENERAL); do $(EXPERIMENT) +experiment=$$name || exit; done
+	$(BIN)/python -m fnnq_torchrl.reproduction --general
 
 adaptive: install  ## docs/adaptive.md: adaptive step sizes over 1,000 seeds (SEEDS=22: fewer), a perceptron over 100; takes twenty minutes
 	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)

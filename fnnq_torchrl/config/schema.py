@@ -272,8 +272,9 @@ class Config(Parameters):
             yield OutOfRange("rules.frozen", self.rules.frozen, "[] with trace=dutch")
         yield from self._misfits_of_the_adaptive()
         kind = self.value.kind
-        if self.trace == "clearing" and kind not in ("table", "tiles") and not is_own(kind):
-            yield OutOfRange("value.kind", kind, "table or tiles with trace=clearing")
+        clears = "table", "tiles", "tiles_sum"
+        if self.trace == "clearing" and kind not in clears and not is_own(kind):
+            yield OutOfRange("value.kind", kind, "table, tiles or tiles_sum with trace=clearing")
         if self.value.rules_choose:
             yield from self._misfits_of_choosing_rules()
         if self.variant == "expected_sarsa" and self.exploration == "noise":

@@ -7,6 +7,7 @@ The networks are in ``fnnq_torchrl.agent.values``. A user's own value function h
 import difflib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import inf, isfinite, sqrt
 from typing import Any, ClassVar, Self
 
@@ -50,6 +51,7 @@ __all__ = [
     "MLPConfig",
     "SumConfig",
     "TilesConfig",
+    "TilesSumConfig",
     "ValueConfig",
 ]
 
@@ -336,14 +338,19 @@ class SumConfig(LabelsConfig):
     def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
         """Yield the errors of `LabelsConfig`, and errors for unknown or missing group inputs."""
         yield from super().misfits(world)
-        known = ", ".join(self.inputs or {})
-        named = {name for group in self.groups for name in group}
-        if named - {*(self.inputs or {})}:
-            yield OutOfRange("rules", self.rules, f"groups of the inputs: {known}")
-        if missing := [name for name in self.inputs or {} if name not in named]:
-            yield OutOfRange(
-                "rules", self.rules, f"groups that include every input, also {missing[0]}"
-            )
+        yield from _misfits_of_groups("rules", self.rules, self.groups, self.inputs or {})
+
+
+def _misfits_of_groups(
+    key: str, given: Any, groups_: Sequence[Sequence[str]], inputs: Iterable[str]
+) -> Iterator[OutOfRange]:
+    """Yield an error for an unknown input in a group, and for an input without a group."""
+    inputs = [*inputs]
+    named = {name for group in groups_ for name in group}
+    if named - {*inputs}:
+        yield OutOfRange(key, given, f"groups of the inputs: {', '.join(inputs)}")
+    if missing := [name for name in inputs if name not in named]:
+        yield OutOfRange(key, given, f"groups that include every input, also {missing[0]}")
 
 
 @dataclass
@@ -357,6 +364,7 @@ class TilesConfig(ValueConfig):
     action: Any = or_null(rising_pair("low", "high"))
     tilings: int = whole(1)
     tiles: int = whole(1)
+    memory: Any = or_null(whole(1), default=None)
 
     of_each_input: ClassVar = "a range"
 
@@ -372,6 +380,24 @@ class TilesConfig(ValueConfig):
         for name, span in (self.inputs or {}).items():
             if not all(map(isfinite, span)):
                 yield OutOfRange(f"inputs.{name}", span, "a pair [low, high] of finite numbers")
+
+
+@dataclass
+class TilesSumConfig(TilesConfig):
+    """A sum of tile codings, one for each group of inputs."""
+
+    groups: Any = or_null(groups(), kw_only=True)
+
+    @property
+    def all_groups(self) -> list[list[str]]:
+        """The groups of inputs; by default, every pair of inputs, or the only input."""
+        names = [*(self.inputs or {})]
+        return self.groups or [list(pair) for pair in combinations(names, min(2, len(names)))]
+
+    def misfits(self, world: WorldConfig) -> Iterator[OutOfRange]:
+        """Yield the errors of `TilesConfig`, and errors for unknown or missing group inputs."""
+        yield from super().misfits(world)
+        yield from _misfits_of_groups("groups", self.groups, self.all_groups, self.inputs or {})
 
 
 @dataclass
@@ -405,5 +431,6 @@ SCHEMAS: dict[str, type[ValueConfig]] = {
     "rbf": LabelsConfig,
     "table": LabelsConfig,
     "tiles": TilesConfig,
+    "tiles_sum": TilesSumConfig,
 }
 """The schemas of the value functions by kind."""

@@ -35,6 +35,7 @@ from fnnq_torchrl.training.resume.interruptions import Interrupted, Interruption
 from fnnq_torchrl.training.resume.keeper import Hand, HandsKeeper
 from fnnq_torchrl.training.resume.saved import SavedTraining
 from fnnq_torchrl.training.score import Score
+from fnnq_torchrl.training.sharing import sharing_in_words
 from fnnq_torchrl.training.solved import SOLVED, is_watched, write_solved
 from fnnq_torchrl.training.start import with_imported_labels
 from fnnq_torchrl.training.terminal import Progress, announce, print_summary
@@ -177,8 +178,9 @@ def _run_batch(
     announce(batch.label + batch.engine.why)
     if batch.start is not None and batch.start.told:
         announce(batch.label + batch.start.told)
-    if gaps := gaps_in_words(batch.config):
-        announce(batch.label + gaps)
+    for words in (gaps_in_words, sharing_in_words):
+        if told := words(batch.config):
+            announce(batch.label + told)
     outcome = _train(batch, trainer, saved, interruptions)
     _announce_diverged(batch, outcome)
     _announce_bounded(batch, trainer)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,13 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from fnnq_torchrl.agent.candidates import make_candidates
-from fnnq_torchrl.agent.values import MLPValue, ValueNetwork, make_value_network
+from fnnq_torchrl.agent.values import (
+    MLPValue,
+    TilesSumValue,
+    TilesValue,
+    ValueNetwork,
+    make_value_network,
+)
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.config.values import SCHEMAS
 from fnnq_torchrl.engine.lanes import LANES
@@ -42,6 +49,8 @@ VARIANTS = {
     "mlp": ("value=mlp", "value.widths=[6]"),
     "mlp_each": ("value=mlp", "value.widths=[6]", "value.outputs=each", "value.normalise=true"),
     "tiles": ("value=tiles", "value.tilings=4", "value.tiles=3"),
+    "tiles_sum": ("value=tiles_sum", "value.tilings=4", "value.tiles=3"),
+    "hashed": ("value=tiles", "value.tilings=4", "value.tiles=3", "value.memory=7"),
     "mixed": (MIXED,),
     "nearest": GAPS,
     "zero": (*GAPS, ZERO),
@@ -167,6 +176,57 @@ def test_tile_coding(bearing: float, action: float) -> None:
         for run in range(RUNS)
     ]
     assert q_of(network, bearing, action) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_tiles_over_groups_of_inputs_add_up() -> None:
+    spans = {"x": (-1, 1), "y": (0, 2)}
+    network = TilesSumValue(spans, (-1, 1), [["x"], ["y"]], CANDIDATES, tilings=4, tiles=3, runs=1)
+    weights = {}
+    for name, part in zip(spans, network.parts, strict=True):
+        with torch.no_grad():
+            part.weight.normal_()
+        weights[name] = part.weight[0].tolist()
+    for x, y, action in ((-0.7, 0.1, 0.5), (0.3, 1.9, -1.0), (5.0, -3.0, 0.9)):
+        at = [torch.tensor([[number]], dtype=torch.float64) for number in (x, y)]
+        expected = sum(
+            approximators.coded(weights[name], [spans[name], (-1, 1)], 4, 3, number, action)
+            for name, number in (("x", x), ("y", y))
+        )
+        given = torch.tensor([[action]], dtype=torch.float64)
+        assert network(*at, action=given).item() == pytest.approx(expected)
+
+
+def test_hashed_tiles_share_the_weights_that_are_counted() -> None:
+    """A tile's weight is found by its gradient; pairs of tiles are counted one by one."""
+    inputs = {"x": (0, 3), "y": (0, 3)}
+    candidates = torch.tensor([0.0, 1.0], dtype=torch.float64)
+    network = TilesValue(inputs, None, candidates, tilings=1, tiles=3, memory=11)
+    [places] = network._place(torch.arange(32, dtype=torch.int32).expand(1, -1)).tolist()
+    assert network.weight.shape == (1, 11, 1)
+    for i, j in product(range(3), repeat=2):
+        at = [torch.tensor([[number + 0.5]], dtype=torch.float64) for number in (i, j)]
+        for action, value in enumerate(network(*at)[0]):
+            (slope,) = torch.autograd.grad(value, network.weight, retain_graph=True)
+            assert slope.flatten().nonzero().item() == places[(4 * i + j) * 2 + action]
+    shared = sum(places[i] == places[j] for i in range(32) for j in range(i))
+    assert network.shared() == (32, 11, shared)
+    assert shared > 0
+    roomy = TilesValue(inputs, None, candidates, tilings=2, tiles=3, memory=32)
+    assert roomy.weight.shape == (1, 4, 4, 2, 2)
+    assert roomy.shared() == (64, 64, 0)
+
+
+def test_a_hash_spreads_tiles_evenly() -> None:
+    """The numbers of tiles of each weight are about Poisson's: variance 20 around a mean of 20."""
+    inputs = dict.fromkeys("abcd", (0, 1))
+    network = TilesValue(inputs, (0, 1), CANDIDATES[:2], tilings=2, tiles=6, memory=840)
+    cells = torch.arange(7**5, dtype=torch.int32).expand(2, -1)
+    for places in network._place(cells):
+        counts = torch.bincount(places, minlength=840).double()
+        assert len(counts) == 840
+        assert counts.var().item() == pytest.approx(20, rel=0.25)
+    first, second = network._place(cells)
+    assert (first == second).double().mean().item() == pytest.approx(1 / 840, abs=0.001)
 
 
 def test_tiles_share_less_the_farther_apart_they_are() -> None:

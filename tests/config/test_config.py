@@ -232,7 +232,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             "value.tilings=4",
-            "value.tilings=4: value=fnnq has no tilings; it belongs to value=tiles",
+            "value.tilings=4: value=fnnq has no tilings; it belongs to value=tiles or tiles_sum",
         ),
         (
             "value.widht=sigma",
@@ -297,7 +297,10 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
             ["trace=dutch", "variant=sarsa", "rules.frozen=[ahead]"],
             "rules.frozen=['ahead']: must be [] with trace=dutch",
         ),
-        (["trace=clearing"], "value.kind=fnnq: must be table or tiles with trace=clearing"),
+        (
+            ["trace=clearing"],
+            "value.kind=fnnq: must be table, tiles or tiles_sum with trace=clearing",
+        ),
         (
             ["variant=expected_sarsa", "exploration=noise"],
             "exploration=noise: must be epsilon_greedy or boltzmann with variant=expected_sarsa",

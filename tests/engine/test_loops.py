@@ -513,10 +513,11 @@ LAYERS = ("value=mlp", "value.widths=[24, 24]", "alpha=0.05", "lam=0.8")
     "overrides",
     [
         ("value=tiles", "alpha=0.05"),
+        ("value=tiles", "value.memory=60", "alpha=0.05", "trace=replacing"),
         (*LAYERS, "trace=gradient"),
         (*LAYERS, "value.layer_norm=true", "step_size=obgd"),
     ],
-    ids=["tiles", "two layers", "normalised layers"],
+    ids=["tiles", "hashed tiles", "two layers", "normalised layers"],
 )
 def test_large_networks_learn_in_loops_what_the_eager_engine_learns(overrides) -> None:
     settings = config("machine.dtype=float64", *overrides)

@@ -31,7 +31,10 @@ MISTAKES = {
     "lamm=0.2": "lamm=0.2: there is no lamm; did you mean lam?",
     "+lamm=0.2": "lamm=0.2: there is no lamm; did you mean lam?",
     "trace=foo": "trace=foo: must be output, gradient, replacing, window, clearing or dutch",
-    "value=nope": "value=nope: must be fnnq or fnnq_sum or fuzzy_q or mlp or rbf or table or tiles",
+    "value=nope": (
+        "value=nope: must be fnnq or fnnq_sum or fuzzy_q or mlp or rbf or table or tiles or "
+        "tiles_sum"
+    ),
     "env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
     "+env.sped_mps=1": "env.sped_mps=1: there is no env.sped_mps; did you mean env.speed_mps?",
     "hydra.nope=1": "Could not override 'hydra.nope'. To append to your config use +hydra.nope=1",

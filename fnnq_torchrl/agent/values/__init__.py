@@ -11,7 +11,7 @@ from .fnnq import FNNQValue
 from .fuzzy_q import FuzzyQValue
 from .mlp import MLPValue
 from .rbf import RBFValue
-from .sums import FNNQSumValue
+from .sums import FNNQSumValue, TilesSumValue
 from .table import TableValue
 from .tiles import TilesValue
 
@@ -23,6 +23,7 @@ __all__ = [
     "MLPValue",
     "RBFValue",
     "TableValue",
+    "TilesSumValue",
     "TilesValue",
     "ValueNetwork",
     "make_value_network",
@@ -36,6 +37,7 @@ NETWORKS: dict[str, type[ValueNetwork]] = {
     "rbf": RBFValue,
     "table": TableValue,
     "tiles": TilesValue,
+    "tiles_sum": TilesSumValue,
 }
 """The networks by kind."""
 

@@ -71,7 +71,9 @@ is no learner of this program; the page computes it from the walks in which the 
   it about 9 steps an episode at λ = 0.99.
 * **Ties** between actions are broken at random; the replication takes the lowest action. This
   changes the steps an episode by 2 at most.
-* **Tiles** have one weight each. The replication hashes its tiles, so two tiles may share a weight.
+* **Tiles** have one weight each in both programs: the replication hashes its tiles, but its 1,944
+  tiles fit into its table of 2,048 weights. Its grids begin at other places, since it measures
+  position and velocity from 0 and not from the lower end of their ranges.
 * **The cap** is 5,000 steps an episode in both programs. Here an episode that reaches the cap is
   truncated, and its last step bootstraps.
 """
