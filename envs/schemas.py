@@ -1,4 +1,4 @@
-"""The registry of the worlds' schemas by kind, without torch."""
+"""The registries of the worlds' schemas by kind, without torch."""
 
 from envs.classic.schemas import (
     AcrobotConfig,
@@ -25,6 +25,8 @@ SCHEMAS: dict[str, type[WorldConfig]] = {
     "gymnasium": GymnasiumConfig,
     "mountain_car": MountainCarConfig,
     "random_walk": RandomWalkConfig,
-    "torchrl": TorchRLConfig,
     "wander": WanderConfig,
 }
+
+ADAPTERS: dict[str, type[WorldConfig]] = {"torchrl": TorchRLConfig}
+"""The schemas for the classes of other libraries; the kind is ``adapter:module:Class``."""
