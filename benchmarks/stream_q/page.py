@@ -58,7 +58,7 @@ rewards divided by the running standard deviation of their discounted sum.
 
 ```
 python -m fnnq_torchrl.train +experiment=stream_q
-python -m fnnq_torchrl.train +experiment=stream_q task=acrobot epsilon_over=25000 situations=4500
+python -m fnnq_torchrl.train +experiment=stream_q task=acrobot env=acrobot {longer}
 ```
 
 The first command runs 50,000 steps in three tasks, as on this page. The second runs the authors'
@@ -125,6 +125,7 @@ def write_page(series: Sequence[Series], dates: Sequence[str]) -> str:
     fuzzy = known.get(("follow", FUZZY))
     return _PAGE.format(
         conclusions="\n".join(f"* {line}" for line in _conclusions(known)),
+        longer="epsilon_over=25000 situations=4500 evaluation.every=20",
         dates=" to ".join(dict.fromkeys((days[0], days[-1]))) if days else "no day yet",
         confidence=100 * CONFIDENCE,
         returns=_table([each for each in series if each.who != FUZZY]),
