@@ -312,7 +312,8 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ("action.candidates=1", "action.candidates=1: must be a whole number >= 2, or null"),
         (
             "action=all",
-            "action.candidates=None: must be a number: follow_ball has a range of actions",
+            "action.candidates=None: must be a number, as action=even sets: follow_ball has a "
+            "range of actions",
         ),
         ("machine.device=tpu", "machine.device=tpu: must be cpu, cuda or cuda:N"),
         ("~lam", "lam=???: must be a number in [0, 1]"),
