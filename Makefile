@@ -80,7 +80,7 @@ stream-q: install  ## docs/stream_q.md: Stream Q(λ), ours beside its authors' p
 	-@test -d $(STREAM) || git clone -q https://github.com/mohmdelsayed/streaming-drl $(STREAM)
 	-@git -C $(STREAM) checkout -q 407dca7
 	$(EXPERIMENT) +experiment=stream_q
-	$(EXPERIMENT) task=follow evaluation=none evaluation.every=20 situations=2000 num_seeds=100 hydra.run.dir=outputs/stream_q_fuzzy
+	$(EXPERIMENT) task=follow evaluation=none evaluation.every=20 situations=1000 num_seeds=100 hydra.run.dir=outputs/stream_q_fuzzy
 	$(BIN)/python -m benchmarks.stream_q
 
 memberships: install  ## docs/memberships.md: are clustered labels better than those by hand, over 1,000 seeds (takes five minutes)

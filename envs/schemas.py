@@ -1,4 +1,4 @@
-"""The registry of the worlds' schemas by kind, without torch."""
+"""The registries of the worlds' schemas by kind, without torch."""
 
 from envs.classic.schemas import (
     AcrobotConfig,
@@ -30,7 +30,9 @@ SCHEMAS: dict[str, type[WorldConfig]] = {
     "mountain_car": MountainCarConfig,
     "random_walk": RandomWalkConfig,
     "ring": RingConfig,
-    "torchrl": TorchRLConfig,
     "two_states": TwoStatesConfig,
     "wander": WanderConfig,
 }
+
+ADAPTERS: dict[str, type[WorldConfig]] = {"torchrl": TorchRLConfig}
+"""The schemas for the classes of other libraries; the kind is ``adapter:module:Class``."""

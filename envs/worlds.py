@@ -30,20 +30,23 @@ WORLDS: dict[str, type[PureEnv]] = {
     "mountain_car": MountainCar,
     "random_walk": RandomWalk,
     "ring": Ring,
-    "torchrl": TorchRLWorld,
     "two_states": TwoStates,
     "wander": Wander,
 }
+
+ADAPTERS: dict[str, type[PureEnv]] = {"torchrl": TorchRLWorld}
+"""The worlds made from the classes of other libraries; the kind is ``adapter:module:Class``."""
 
 
 def make_world(config: WorldConfig, *args: Any, **settings: Any) -> PureEnv:
     """Make the environment that a configuration describes.
 
     Args:
-        config: the configuration of one of `WORLDS` or of a user's world (``module:Class``).
+        config: the configuration of one of `WORLDS`, of a user's world (``module:Class``) or of
+            another library's (``adapter:module:Class``).
         args, settings: further arguments of :class:`envs.core.pure.PureEnv`.
 
     Raises:
         ConfigError: if the user's class can't be imported or isn't a `PureEnv`.
     """
-    return class_of("env", config.kind, WORLDS, PureEnv)(config, *args, **settings)
+    return class_of("env", config.kind, WORLDS | ADAPTERS, PureEnv)(config, *args, **settings)

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from envs.core.parameters import ConfigError, check, plain
-from envs.core.registry import is_own
+from envs.core.parameters import check, plain
 from envs.singles.schemas import SinglesConfig, Spaces
 
 
@@ -21,8 +20,6 @@ class TorchRLConfig(SinglesConfig):
     @property
     def spaces(self) -> Spaces:
         check(self, "env.")
-        if not is_own(self.kind):
-            raise ConfigError(f"env.kind={self.kind}: must be torchrl:module:Class")
         from envs.from_torchrl.single import spaces_of  # loads torch
 
         return spaces_of(self.kind, tuple(sorted(self.arguments.items())))

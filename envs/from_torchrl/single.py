@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 import torch
-from tensordict import TensorDictBase
+from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import Bounded, Categorical, OneHot, TensorSpec
 from torchrl.envs import EnvBase
@@ -83,7 +83,7 @@ class TorchRLSingle(Single):
     def __init__(self, env: EnvBase) -> None:
         self._env = env
         self._keys = _seen(env)
-        self._state: TensorDictBase | None = None
+        self._state: TensorDictBase = TensorDict()
         self._generator = torch.get_rng_state()
 
     def reset(self, seed: int) -> Sequence[float]:
@@ -94,7 +94,6 @@ class TorchRLSingle(Single):
         return self._row(self._state)
 
     def step(self, action: float) -> Moment:
-        assert self._state is not None
         with self._own_random_numbers():
             return self._taken(self._given(action))
 

@@ -18,12 +18,16 @@ from omegaconf.errors import (
 
 from envs.core.parameters import ConfigError, OutOfRange, Parameters, allowed
 from envs.core.registry import is_own, kinds_in_words, names_code, schema_of
+from envs.schemas import ADAPTERS
 from envs.schemas import SCHEMAS as WORLDS
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
 
 _OF_KINDS: dict[str, Mapping[str, type[Parameters]]] = {"env": WORLDS, "value": VALUES}
 """The groups whose keys depend on the key ``kind``, with the built-in schemas by kind."""
+
+_SCHEMAS = _OF_KINDS | {"env": WORLDS | ADAPTERS}
+"""As `_OF_KINDS`, with the schemas for the classes of other libraries."""
 
 Kinds = Mapping[str, str]
 """The chosen kind of each group whose kind is known."""
@@ -91,7 +95,7 @@ def _schema(**kinds: str) -> DictConfig:
     """Return the schema of a configuration with these kinds; callers must not modify it."""
     schema = OmegaConf.structured(Config)
     for group, kind in kinds.items():
-        schema[group] = OmegaConf.structured(schema_of(group, kind, _OF_KINDS[group]))
+        schema[group] = OmegaConf.structured(schema_of(group, kind, _SCHEMAS[group]))
     return schema
 
 
@@ -157,7 +161,7 @@ def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
     ranges = allowed(Config)
     for group, known in _OF_KINDS.items():
         kind = (kinds or {}).get(group)
-        for schema in known.values() if kind is None else [schema_of(group, kind, known)]:
+        for schema in known.values() if kind is None else [schema_of(group, kind, _SCHEMAS[group])]:
             ranges |= allowed(schema, f"{group}.")
         ranges[f"{group}.kind"] = kinds_in_words(known)
     return ranges

@@ -365,7 +365,7 @@ class Config(Parameters):
             allowed = f"null, for all {actions} actions of {self.env.kind}"
             yield OutOfRange("action.candidates", candidates, allowed)
         if not isinstance(actions, int) and candidates is None:
-            allowed = f"a number: {self.env.kind} has a range of actions"
+            allowed = f"a number, as action=even sets: {self.env.kind} has a range of actions"
             yield OutOfRange("action.candidates", candidates, allowed)
         if isinstance(actions, int) and self.exploration == "noise":
             allowed = f"epsilon_greedy or boltzmann: {self.env.kind} has a fixed set of actions"

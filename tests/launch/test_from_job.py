@@ -212,7 +212,7 @@ def test_code_of_ones_own_runs_if_it_is_typed(
     [
         ({"kind": "gymnasium", "id": "of_mine:Maze-v0"}, "env.id=of_mine:Maze-v0"),
         (
-            {"kind": "torchrl:torchrl.envs:PendulumEnv", "arguments": {"seed": 3}},
+            {"kind": "torchrl:torchrl.envs:PendulumEnv", "arguments": {}},
             "env.kind=torchrl:torchrl.envs:PendulumEnv",
         ),
         ({"kind": "gymnasium", "id": "CartPole-v1", "arguments": {"x": 1}}, "env.arguments.x=1"),

@@ -29,7 +29,7 @@ EXPERIMENTS = {
     "extrapolation": 8 * 2,
     "memberships": 3 * (1 + 3 * (1 + 1 + 2) + 2),
     "value_functions": 8 * 5,
-    "stream_q": 5,
+    "stream_q": 3,
     "prior": 2 + 3 * 2,
     "simulator": 2 + 1 + 2,
     "variants": 2 * (3 * 3 + 3),
