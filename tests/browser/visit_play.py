@@ -6,10 +6,10 @@ It runs in an environment of its own: python visit_play.py PAGE CHROMIUM
 from pathlib import Path
 from typing import Any
 
-from pages import main, visit
+from pages import main, visit, wait
 from playwright.sync_api import Browser
 
-READY = "globalThis.play.robots.some((robot) => robot.trail.length > 2)"
+READY = "globalThis.play?.robots.some((robot) => robot.trail.length > 2)"
 STEPS = """(count) => {
     const { learned, step } = globalThis.play;
     const leaves = () => Object.fromEntries(
@@ -41,7 +41,7 @@ def act(browser: Browser, address: str) -> dict[str, Any]:
     page.mouse.up()
     seen["dragged"] = page.evaluate("({ ...play.ball })")
     page.click("#pause")
-    page.wait_for_function("play.learned.trail.length > 10")
+    wait(page, "play.learned.trail.length > 10")
     page.click("#pause")
     seen["turned"] = page.evaluate("play.learned.after[2]")
     page.focus("#after")

@@ -5,7 +5,7 @@ It runs in an environment of its own: python visit_report.py PAGE CHROMIUM
 
 from typing import Any
 
-from pages import main, visit
+from pages import main, visit, wait
 from playwright.sync_api import Browser
 
 READY = "globalThis.report?.drawn > 0"
@@ -30,7 +30,7 @@ def act(browser: Browser, address: str) -> dict[str, Any]:
     seen["charts"] = page.evaluate(CHARTS)
     seen["start"], before = page.evaluate("({ ...report.moment })"), page.evaluate(PICTURE)
     page.click("#go")
-    page.wait_for_function(f"report.moment.at > {seen['start']['at'] + 2}")
+    wait(page, f"report.moment.at > {seen['start']['at'] + 2}")
     page.click("#go")
     seen["moved"] = page.evaluate(PICTURE) != before
     page.focus("#at")
@@ -46,7 +46,7 @@ def act(browser: Browser, address: str) -> dict[str, Any]:
     seen["endings"] = page.locator("#situation option").all_inner_texts()
     light = page.evaluate(COLOUR)
     page.emulate_media(color_scheme="dark")
-    page.wait_for_function("report.drawn > 1")
+    wait(page, "report.drawn > 1")
     seen["text_changes_its_colour"] = page.evaluate(COLOUR) != light
     seen["complaints"] = complaints + more
     # Even if a text became an element, its script would not run.

@@ -27,7 +27,8 @@ function showMoment() {
     if (film()) drawFilm(byId("world"), film(), moment.at);
     const fired = new Map(told()?.fired[moment.at] ?? []);
     for (const cell of document.querySelectorAll("[data-rule]")) {
-        cell.style.setProperty("--fired", fired.get(Number(cell.dataset.rule)) ?? 0);
+        // The root makes rules that fire weakly visible, too.
+        cell.style.setProperty("--fired", Math.sqrt(fired.get(Number(cell.dataset.rule)) ?? 0));
     }
 }
 
