@@ -30,6 +30,7 @@ install: $(STAMP)  ## everything into .venv, at the versions of constraints.txt 
 run: install  ## train 22 runs with λ = 0.2
 	$(BIN)/python -m fnnq_torchrl.train lam=0.2 num_seeds=22
 	@echo "to see one drive: $(BIN)/python -m fnnq_torchrl.watch run=$$(ls -td outputs/2* | head -n 1) situations=5 when=both"
+	@echo "for a page with all results: $(BIN)/python -m fnnq_torchrl.report run=$$(ls -td outputs/2* | head -n 1)"
 
 figures: install  ## the paper's figures and ours, 22 seeds each, into outputs/figures
 	printf '%s\n' variants exploration traces decay fig2 fig3 | xargs -P 2 -I {} $(EXPERIMENT) +experiment={}

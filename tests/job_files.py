@@ -1,5 +1,6 @@
-"""Invented files of a finished job, as the loggers read them."""
+"""Files of finished jobs: invented ones, as the loggers read them, and trained ones."""
 
+import json
 from dataclasses import asdict, fields
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from matplotlib.image import imsave
 from PIL import Image
 
 from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.training.job import run_job
 from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.results import (
     Evaluations,
@@ -54,3 +56,14 @@ def write_job(directory: Path, *overrides: str, sweep: Path | None = None) -> Jo
         frames = [Image.new("RGB", (6, 4), colour) for colour in ("red", "blue")]
         frames[0].save(directory / "robot.gif", save_all=True, append_images=frames[1:])
     return job
+
+
+def train_job(directory: Path, *overrides: str) -> Path:
+    """Train a job in a directory, and write the configuration as the train command does."""
+    config, settings = load_config(*overrides), directory / ".hydra"
+    settings.mkdir(parents=True)
+    run_job(config, directory)
+    (settings / "config.yaml").write_text(json.dumps(asdict(config)))
+    task = {"overrides": {"task": overrides}}
+    (settings / "hydra.yaml").write_text(json.dumps({"hydra": task}))
+    return directory

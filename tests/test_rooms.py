@@ -40,13 +40,15 @@ ONLY_IN = {
     "sklearn": ["fnnq_torchrl.training.memberships"],
     "pandas": ["fnnq_torchrl.studies.results.frame"],
     "PIL": ["fnnq_torchrl.training.loggers.tensorboard", "fnnq_torchrl.training.watching"],
+    "jinja2": ["fnnq_torchrl.studies.report.page"],
+    "vl_convert": ["fnnq_torchrl.studies.report.charts"],
     "wandb": ["fnnq_torchrl.training.loggers"],
 }
 
 # Libraries of an extra, imported only if the user asks for them.
 OPTIONAL = {
     *("PIL", "gymnasium", "mlflow", "optuna", "sklearn", "sqlalchemy", "submitit"),
-    *("pandas", "tensorboard", "wandb"),
+    *("jinja2", "markupsafe", "pandas", "tensorboard", "vl_convert", "wandb"),
 }
 
 PACKAGES = ("envs", "fnnq_torchrl", "hydra_plugins")

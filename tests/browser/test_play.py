@@ -1,6 +1,5 @@
 """The page that plays with a learned controller, in a browser: `make browser`."""
 
-import json
 import shutil
 import subprocess
 from pathlib import Path
@@ -16,12 +15,9 @@ from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.studies.play.page import make_page
 from fnnq_torchrl.studies.play.program import make_step
 from fnnq_torchrl.training.job import run_job
+from tests.browser.visitor import visited
 
 pytestmark = pytest.mark.browser
-
-HERE = Path(__file__).parent
-PYTHON = HERE / ".venv" / "bin" / "python"
-"""The environment that `make browser` makes."""
 
 CONFIG = load_config("num_seeds=2", "situations=100")
 
@@ -36,19 +32,8 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def seen(job: Path) -> dict[str, Any]:
     """Return what a reader of the page of seed 1 sees."""
-    chromium = shutil.which("chromium") or shutil.which("google-chrome")
-    if chromium is None:
-        pytest.fail("Chromium is missing: apt-get install chromium", pytrace=False)
     (job / "play.html").write_text(make_page(job, 1))
-    done = subprocess.run(
-        [PYTHON, HERE / "visit.py", job / "play.html", chromium],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    return visited("visit_play.py", job / "play.html")
 
 
 def test_nothing_is_complained_of_and_nothing_is_clipped(seen: dict[str, Any]) -> None:

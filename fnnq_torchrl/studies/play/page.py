@@ -77,14 +77,14 @@ def make_page(run: Path, seed: int | None = None, *, own: bool = False) -> str:
         "style": _part("play.css"),
         "data": json.dumps(data).replace("<", "\\u003c"),
         "step": program.text.replace("export function", "function"),
-        "script": _part("play.js"),
+        "script": f"{_part('robot.js', 'fnnq_torchrl.studies')}\n{_part('play.js')}",
     }.items():
         text = text.replace(f"@{name}@", part)
     return text
 
 
-def _part(name: str) -> str:
-    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+def _part(name: str, package: str = __package__) -> str:
+    return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
 def _starts(world: FollowBallConfig, seed: int, dtype: torch.dtype) -> list[dict[str, float]]:

@@ -1,7 +1,5 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 const world = data.world;
-const style = getComputedStyle(document.documentElement);
-const colour = (name) => style.getPropertyValue(`--${name}`).trim();
 const byId = (id) => document.getElementById(id);
 const whole = (kind) => kind === "BigInt64Array";
 
@@ -96,10 +94,7 @@ function draw(robot, share) {
     const [x, y, heading] = robot.before.map((from, n) => from + share * (robot.after[n] - from));
     const view = world.field_of_view_rad;
     at.fillStyle = colour("view");
-    at.beginPath();
-    at.moveTo(x, y);
-    at.arc(x, y, 20, heading - view, heading + view);
-    at.fill();
+    sector(at, x, y, 20, heading - view, heading + view);
     at.lineWidth = 2 / scale;
     at.strokeStyle = colour("line");
     at.setLineDash([6 / scale, 6 / scale]);
@@ -108,37 +103,17 @@ function draw(robot, share) {
     at.stroke();
     at.setLineDash([]);
     at.strokeStyle = colour("robot");
-    at.beginPath();
-    at.moveTo(0, 0);
-    for (const [east, north] of robot.trail.slice(0, -1)) at.lineTo(east, north);
-    at.lineTo(x, y);
-    at.stroke();
-    const radius = world.catch_distance_m;
+    path(at, [[0, 0], ...robot.trail.slice(0, -1), [x, y]]);
     const done = robot.wait > 0;
-    at.lineWidth = (done ? 6 : 3) / scale;
-    at.strokeStyle = done ? colour(robot.of.success[0] ? "good" : "bad") : colour("robot");
-    at.fillStyle = colour("page");
-    at.beginPath();
-    at.arc(x, y, radius, 0, 2 * Math.PI);
-    at.fill();
-    at.stroke();
-    at.beginPath();
-    at.moveTo(x, y);
-    at.lineTo(x + radius * Math.cos(heading), y + radius * Math.sin(heading));
-    at.stroke();
-    at.fillStyle = colour("quiet");
-    for (const side of [-1, 1]) {
-        const out = side * Math.min(world.track_width_m / 2, 0.8 * radius);
-        at.save();
-        at.translate(x, y);
-        at.rotate(heading);
-        at.fillRect(-0.45 * radius, out - 0.12 * radius, 0.9 * radius, 0.24 * radius);
-        at.restore();
-    }
+    robotAt(at, [x, y, heading], {
+        radius: world.catch_distance_m,
+        track: world.track_width_m,
+        scale,
+        edge: done ? colour(robot.of.success[0] ? "good" : "bad") : colour("robot"),
+        width: done ? 6 : 3,
+    });
     at.fillStyle = colour("ball");
-    at.beginPath();
-    at.arc(ball.ball_x_m, ball.ball_y_m, 0.09, 0, 2 * Math.PI);
-    at.fill();
+    disc(at, ball.ball_x_m, ball.ball_y_m, 0.09);
 }
 
 // Draw Q of every candidate, on a scale from the lowest to the highest Q.
@@ -158,7 +133,7 @@ function drawValues() {
     at.textAlign = "right";
     for (const mark of [low, high]) {
         at.fillText(mark.toFixed(2), left - 6, up(mark) + 4);
-        line(at, [[left, up(mark)], [width, up(mark)]]);
+        path(at, [[left, up(mark)], [width, up(mark)]]);
     }
     at.textAlign = "center";
     for (const mark of [0, 0.25, 0.5, 0.75, 1]) {
@@ -166,21 +141,13 @@ function drawValues() {
         at.fillText(action.toFixed(1), over(action), height - 8);
     }
     at.strokeStyle = colour("robot");
-    line(at, values.map((value, n) => [over(actions[n]), up(value)]));
+    path(at, values.map((value, n) => [over(actions[n]), up(value)]));
     values.forEach((value, n) => {
         const chosen = actions[n] === learned.of.action[0];
         at.fillStyle = colour(chosen ? "ball" : "robot");
-        at.beginPath();
-        at.arc(over(actions[n]), up(value), chosen ? 7 : 3, 0, 2 * Math.PI);
-        at.fill();
+        disc(at, over(actions[n]), up(value), chosen ? 7 : 3);
     });
     byId("why").textContent = why();
-}
-
-function line(at, points) {
-    at.beginPath();
-    for (const [x, y] of points) at.lineTo(x, y);
-    at.stroke();
 }
 
 function why() {

@@ -1,5 +1,6 @@
 """Results as a pandas frame, in Python."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,13 +47,22 @@ def load_results(
     results = collect([*map(Path, directories)], own=own)
     columns = _of_evaluations if evaluations else _of_runs
     parts = [part for each in results.configurations for part in each.parts if part.seeds]
-    frames = [pandas.DataFrame(_settings(part, results) | columns(part)) for part in parts]
+    frames = []
+    for part in parts:
+        found = columns(part)
+        frames.append(pandas.DataFrame(_settings(part, results, found) | found))
     return pandas.concat(frames, ignore_index=True)
 
 
-def _settings(part: Part, results: Results) -> dict[str, Any]:
-    """Return the part's directory and its values of the varied keys."""
-    job, taken = part.job, {*EVALUATION_COLUMNS, *MEASURES} - {"lam"}
+def _settings(part: Part, results: Results, columns: Iterable[str]) -> dict[str, Any]:
+    """Return the part's directory and its values of the varied keys.
+
+    Args:
+        part: the part.
+        results: the results, which have the varied keys.
+        columns: the names of the other columns.
+    """
+    job, taken = part.job, {*columns} - {"lam"}  # λ is the same in both
     settings = {
         f"config.{key}" if key in taken else key: _cell(job.settings[key]) for key in results.varied
     }
