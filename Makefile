@@ -18,7 +18,7 @@ BROWSER := tests/browser/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator textbook test test-long foreign browser fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
+.PHONY: help install run figures reproduction adaptive extrapolation rules memberships prior simulator textbook values test test-long foreign browser fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
@@ -65,6 +65,11 @@ textbook: install  ## docs/textbook.md: figures of Sutton and Barto's book, 1,00
 	$(EXPERIMENT) +experiment=sutton_barto_12_11
 	$(EXPERIMENT) +experiment=sutton_barto_12_6
 	$(BIN)/python -m fnnq_torchrl.textbook
+
+values: install  ## docs/value_functions.md: value functions on the classic worlds, 100 seeds (takes twenty minutes)
+	$(EXPERIMENT) +experiment=values_sweep
+	$(EXPERIMENT) +experiment=values
+	$(BIN)/python -m fnnq_torchrl.values
 
 memberships: install  ## docs/memberships.md: are clustered labels better than those by hand, over 1,000 seeds (takes five minutes)
 	$(EXPERIMENT) num_seeds=22 hydra.run.dir=outputs/visited
