@@ -20,7 +20,7 @@ BROWSER := tests/browser/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction general-claims adaptive extrapolation rules memberships prior simulator textbook stream-q test test-long foreign browser docs fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
+.PHONY: help install run figures reproduction general-claims adaptive extrapolation rules memberships prior simulator textbook values stream-q test test-long foreign browser docs fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
@@ -83,6 +83,11 @@ stream-q: install  ## docs/stream_q.md: Stream Q(λ), ours beside its authors' p
 	$(EXPERIMENT) +experiment=stream_q
 	$(EXPERIMENT) task=follow evaluation=none evaluation.every=20 situations=1000 num_seeds=100 hydra.run.dir=outputs/stream_q_fuzzy
 	$(BIN)/python -m benchmarks.stream_q
+
+values: install  ## docs/value_functions.md: value functions on the classic worlds, 100 seeds (takes twenty minutes)
+	$(EXPERIMENT) +experiment=values_sweep
+	$(EXPERIMENT) +experiment=values
+	$(BIN)/python -m fnnq_torchrl.values
 
 memberships: install  ## docs/memberships.md: are clustered labels better than those by hand, over 1,000 seeds (takes five minutes)
 	$(EXPERIMENT) num_seeds=22 hydra.run.dir=outputs/visited

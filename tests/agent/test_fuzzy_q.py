@@ -178,6 +178,9 @@ def test_the_greedy_policy_is_a_controller_in_every_format(ending: str, tmp_path
     expected = network.greedy(*states.expand(2, -1, -1).split(1, -1))[1].squeeze(-1)
     torch.testing.assert_close(rules.greedy(states), expected)
     assert rules.controller().largest_difference == 0
+    seen = states.expand(2, -1, -1).split(1, -1)
+    value = network.best(network(*seen))[1].squeeze(-1)
+    torch.testing.assert_close(rules.state_values(states), value)
     assert (
         rules.firing(torch.cat([states, states[:, :1]], -1))
         .sum((1, 2, 3))

@@ -45,6 +45,10 @@ class ChoiceRules(RuleBase):
         firing = self.chosen.firing(states).flatten(states.ndim - 1)
         return firing @ self.consequents.flatten(0, -2)
 
+    def state_values(self, states: Tensor) -> Tensor:
+        firing = self.chosen.firing(states)
+        return (firing * self.consequents.amax(-1)).flatten(states.ndim - 1).sum(-1)
+
     def greedy(self, states: Tensor) -> Tensor:
         """Return the mean of the rules' greedy choices, ``[*points]``, float64."""
         return self.chosen.evaluate(states)

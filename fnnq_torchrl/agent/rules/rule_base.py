@@ -177,6 +177,14 @@ class RuleBase(FuzzySystem):
         actions = candidates.expand(each.shape[:-1]).unsqueeze(-1)
         return self.evaluate(torch.cat([each, actions], dim=-1))
 
+    def state_values(self, states: Tensor) -> Tensor:
+        """Return V(s), the value of the greedy action, ``[*points]``, float64.
+
+        Args:
+            states: one number for each state input, ``[*points, states]``.
+        """
+        return self.action_values(states).amax(-1)
+
     def _of(self, inputs: tuple[Variable, ...]) -> FuzzySystem:
         """Return a system of some of the inputs, used for its firing strengths alone."""
         zeros = torch.zeros([len(each.labels) for each in inputs], dtype=torch.float64)

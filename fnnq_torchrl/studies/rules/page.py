@@ -58,11 +58,14 @@ def faithfulness(job: Job) -> str:
     controller.
 
     Raises:
-        RulesError: if the job's test doesn't count successes, or its runs have different labels.
+        RulesError: if the job's test doesn't count successes, its runs have different labels, or
+            nothing is lost because each rule has an action already.
     """
     best = job.config.best_score
     if best is None:
         raise RulesError(f"{job.directory}: its test doesn't count successes")
+    if job.config.value.rules_choose:
+        raise RulesError(f"{job.directory}: its controllers are exact, so there is no difference")
     compared = compare(job)
     controllers, inputs = compared.controllers, compared.controllers[0].distilled.inputs
     scores: list[Numbers] = [

@@ -229,7 +229,7 @@ def _td_error(reading: Reading, points: Tensor, after: TensorDictBase) -> Tensor
     """Return δ′ = r + γ max Q(s′, ·) − Q(s, a) of each step (paper, eq. 5), ``[steps]``."""
     rules, gamma = reading.chosen.rules, reading.job.config.gamma
     states = torch.cat([after[name] for name in reading.played.names], dim=-1)
-    ahead = rules.action_values(states).amax(-1).masked_fill(after["terminated"].squeeze(-1), 0)
+    ahead = rules.state_values(states).masked_fill(after["terminated"].squeeze(-1), 0)
     return after["reward"].squeeze(-1).double() + gamma * ahead - rules.evaluate(points)
 
 

@@ -56,7 +56,10 @@ def _run(words: dict[str, str]) -> None:
 def _figures(job: Job, chosen: Chosen, situation: int) -> Iterator[tuple[str, Figure]]:
     reading = read_run(job, chosen)
     yield "memberships", pictures.memberships(reading)
-    yield "surface", pictures.surface(reading)
+    if chosen.rules.compares:
+        yield "surface", pictures.surface(reading)
+    else:
+        announce("no picture of Q: in fuzzy Q-learning, no action has a Q of its own")
     snapshots = job.directory / "snapshots.pt"
     if snapshots.is_file():
         yield "consequents", pictures.consequents(job, chosen, load_snapshots(snapshots))

@@ -1,0 +1,1 @@
+"""Value functions on the classic worlds, and the two kinds of fuzzy Q-learning on the ball."""
