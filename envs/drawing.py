@@ -22,7 +22,7 @@ from envs.robot import drawing as robot
 from envs.robot.arena import Arena
 from envs.robot.follow import FollowBall
 
-_SHOTS: dict[type[PureEnv], Callable[[Any, TensorDictBase], Shot]] = {
+_SHOTS: dict[type[Any], Callable[[Any, TensorDictBase], Shot]] = {
     Acrobot: classic.of_acrobot,
     Arena: robot.of_arena,
     CartPole: classic.of_pole,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, degrees, sin
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from tensordict import TensorDictBase
@@ -104,7 +104,7 @@ class PoleShot(Shot):
         self._draw_pole(axes, self.pole_rad, color=LINK, lw=4, zorder=6)
         write_title(axes, film, title)
 
-    def _draw_pole(self, axes: Axes, angle_rad: float, **looks: object) -> None:
+    def _draw_pole(self, axes: Axes, angle_rad: float, **looks: Any) -> None:
         top = self.cart_m + self.pole_m * sin(angle_rad), 0.15 + self.pole_m * cos(angle_rad)
         axes.plot([self.cart_m, top[0]], [0.15, top[1]], **looks)
 
@@ -237,8 +237,8 @@ def of_chain(env: Chain, one: TensorDictBase) -> RowShot:
     )
 
 
-def _height(position: float | np.ndarray) -> float:
-    """Return the height of Mountain Car's road, as in Gymnasium's picture."""
+def _height(position: Any) -> Any:
+    """Return the height of Mountain Car's road at places, as in Gymnasium's picture."""
     return np.sin(3 * position) * 0.45 + 0.55
 
 

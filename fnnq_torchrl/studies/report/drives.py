@@ -8,7 +8,7 @@ from typing import Any
 import torch
 
 from envs.robot.drawing import Shot
-from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.studies.report.charts import Missing, number_of
 from fnnq_torchrl.studies.rules.job import Chosen, read_job
 from fnnq_torchrl.studies.rules.reading import Reading, read_run
@@ -52,7 +52,7 @@ def drives_of(
     number = min(_SITUATIONS, config.evaluation.tests)
     try:
         found["films"] = _films(directory, seed, config, number)
-    except TypeError as error:  # the world has no drawing
+    except ConfigError as error:  # the world has no drawing
         found["why"] = f"{error}."
     if chosen is not None:
         reading = read_run(read_job(directory, own=own), chosen)
@@ -76,12 +76,15 @@ def _films(directory: Path, seed: int, config: Config, number: int) -> dict[str,
 
 
 def _film(film: Film) -> dict[str, Any]:
-    first, last = asdict(film[0]), film[-1]
+    shots = [shot for shot in film if isinstance(shot, Shot)]
+    if not shots:
+        raise ConfigError("Only the robot's worlds are drawn here; fnnq_torchrl.watch draws others")
+    first, last = asdict(shots[0]), shots[-1]
     return {
         "still": {name: _rounded(first[name]) for name in _STILL},
         "kinds": [kind for *_, kind in first["balls"]],
         "success": last.success,
-        "shots": [_shot(shot) for shot in film],
+        "shots": [_shot(shot) for shot in shots],
     }
 
 
