@@ -312,7 +312,7 @@ def _draw_scale(axes: Axes, shot: Shot) -> None:
     across_m, up_m = shot.half_size_m
     length_m = 10.0 ** floor(log10(across_m))
     left_m, low_m = -0.95 * across_m, -0.95 * up_m
-    axes.plot([left_m, left_m + length_m], [low_m, low_m], color="0.2", lw=1.5, zorder=9)
+    axes.plot([left_m, left_m + length_m], [low_m, low_m], color="0.35", lw=1.5, zorder=9)
     middle = (left_m + length_m / 2, low_m)
     axes.annotate(
         f"{length_m:g} m",
@@ -320,7 +320,7 @@ def _draw_scale(axes: Axes, shot: Shot) -> None:
         (0, 2),
         textcoords="offset points",
         fontsize=7,
-        color="0.2",
+        color="0.35",
         horizontalalignment="center",
         zorder=9,
     )

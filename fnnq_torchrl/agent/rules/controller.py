@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise, product
 from math import prod
 
@@ -40,9 +41,7 @@ class Controller:
     Attributes:
         states: a grid over the state inputs' ranges, ``[points, states]``.
         greedy: the greedy action at each point, ``[points]``.
-        stretches: the intervals of equal greedy action: the first state input moves over its range,
-            for every combination of the other inputs' labels in turn. Empty if there are more than
-            64 combinations.
+        policy: the greedy policy, a function from states ``[points, states]`` to ``[points]``.
         distilled: the rules, with one action for each combination of the inputs' labels.
         action: the action's variable.
         largest_difference, mean_difference: the absolute difference between the rules' action and
@@ -51,11 +50,34 @@ class Controller:
 
     states: Tensor
     greedy: Tensor
-    stretches: list[Stretch]
+    policy: Callable[[Tensor], Tensor]
     distilled: FuzzySystem
     action: Variable
     largest_difference: float
     mean_difference: float
+
+    @cached_property
+    def stretches(self) -> list[Stretch]:
+        """The intervals of equal greedy action.
+
+        The first state input moves over its range, for every combination of the other inputs'
+        labels in turn. Empty if there are more than 64 combinations.
+        """
+        first, *others = self.distilled.inputs
+        if prod(len(other.labels) for other in others) > _MOST_SLICES:
+            return []
+        x = torch.linspace(*first.span(), _POINTS, dtype=torch.float64)
+        stretches = []
+        for labels in product(*(other.labels for other in others)):
+            held = x.new_tensor(
+                [
+                    min(max(label.function.middle(label.parameters), other.low), other.high)
+                    for other, label in zip(others, labels, strict=True)
+                ]
+            )
+            names = {other.name: label.name for other, label in zip(others, labels, strict=True)}
+            stretches += _stretches(x, held, self.policy, names)
+        return stretches
 
     @property
     def switches(self) -> list[Stretch]:
@@ -111,31 +133,12 @@ def distil(
     return Controller(
         grid,
         actions,
-        _slices(states, greedy),
+        greedy,
         distilled,
         action,
         float(differences.max()),
         float(differences.mean()),
     )
-
-
-def _slices(states: Sequence[Variable], greedy: Callable[[Tensor], Tensor]) -> list[Stretch]:
-    """Return the first input's stretches for every combination of the other inputs' labels."""
-    first, *others = states
-    if prod(len(other.labels) for other in others) > _MOST_SLICES:
-        return []
-    x = torch.linspace(*first.span(), _POINTS, dtype=torch.float64)
-    stretches = []
-    for labels in product(*(other.labels for other in others)):
-        held = x.new_tensor(
-            [
-                min(max(label.function.middle(label.parameters), other.low), other.high)
-                for other, label in zip(others, labels, strict=True)
-            ]
-        )
-        names = {other.name: label.name for other, label in zip(others, labels, strict=True)}
-        stretches += _stretches(x, held, greedy, names)
-    return stretches
 
 
 def _stretches(
