@@ -86,7 +86,7 @@ def test_rules_are_read_by_the_names_of_their_inputs(compared: Comparison, sweep
 
 def test_every_situation_has_one_end(compared: Comparison) -> None:
     for played in (compared.learned, compared.distilled):
-        ends = outcomes(played)
+        ends = outcomes(played, -1)
         assert (ends.catches + ends.collisions + ends.late == 10).all()
         assert (ends.catches == played.successes.numpy()).all()
         # A collision pays −1, a catch +1, and the time limit −0.5.

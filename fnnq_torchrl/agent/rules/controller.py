@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise, product
 from math import prod
 
@@ -40,9 +41,8 @@ class Controller:
     Attributes:
         states: a grid over the state inputs' ranges, ``[points, states]``.
         greedy: the greedy action at each point, ``[points]``.
-        stretches: the intervals of equal greedy action: the first state input moves over its range,
-            for every combination of the other inputs' labels in turn. Empty if there are more than
-            64 combinations.
+        policy: the greedy policy, a function from states ``[points, states]`` to ``[points]``; None
+            if its action changes smoothly, so that there are no stretches of one action.
         distilled: the rules, with one action for each combination of the inputs' labels.
         action: the action's variable.
         largest_difference, mean_difference: the absolute difference between the rules' action and
@@ -51,11 +51,34 @@ class Controller:
 
     states: Tensor
     greedy: Tensor
-    stretches: list[Stretch]
+    policy: Callable[[Tensor], Tensor] | None
     distilled: FuzzySystem
     action: Variable
     largest_difference: float
     mean_difference: float
+
+    @cached_property
+    def stretches(self) -> list[Stretch]:
+        """The intervals of equal greedy action.
+
+        The first state input moves over its range, for every combination of the other inputs'
+        labels in turn. Empty if there are more than 64 combinations, or no policy.
+        """
+        first, *others = self.distilled.inputs
+        if self.policy is None or prod(len(each.labels) for each in others) > _MOST_SLICES:
+            return []
+        x = torch.linspace(*first.span(), _POINTS, dtype=torch.float64)
+        stretches = []
+        for labels in product(*(other.labels for other in others)):
+            held = x.new_tensor(
+                [
+                    min(max(label.function.middle(label.parameters), other.low), other.high)
+                    for other, label in zip(others, labels, strict=True)
+                ]
+            )
+            names = {other.name: label.name for other, label in zip(others, labels, strict=True)}
+            stretches += _stretches(x, held, self.policy, names)
+        return stretches
 
     @property
     def switches(self) -> list[Stretch]:
@@ -109,7 +132,7 @@ def distil(
     return Controller(
         grid,
         actions,
-        _slices(states, greedy),
+        greedy,
         distilled,
         action,
         float(differences.max()),
@@ -125,7 +148,7 @@ def exact(distilled: FuzzySystem, action: Variable) -> Controller:
         action: the action's variable.
     """
     grid = _grid(distilled.inputs)
-    return Controller(grid, distilled.evaluate(grid), [], distilled, action, 0.0, 0.0)
+    return Controller(grid, distilled.evaluate(grid), None, distilled, action, 0.0, 0.0)
 
 
 def _grid(states: Sequence[Variable]) -> Tensor:
@@ -133,25 +156,6 @@ def _grid(states: Sequence[Variable]) -> Tensor:
     each = max(2, round(_POINTS ** (1 / len(states))))
     axes = [torch.linspace(*state.span(), each, dtype=torch.float64) for state in states]
     return torch.cartesian_prod(*axes).reshape(-1, len(states))
-
-
-def _slices(states: Sequence[Variable], greedy: Callable[[Tensor], Tensor]) -> list[Stretch]:
-    """Return the first input's stretches for every combination of the other inputs' labels."""
-    first, *others = states
-    if prod(len(other.labels) for other in others) > _MOST_SLICES:
-        return []
-    x = torch.linspace(*first.span(), _POINTS, dtype=torch.float64)
-    stretches = []
-    for labels in product(*(other.labels for other in others)):
-        held = x.new_tensor(
-            [
-                min(max(label.function.middle(label.parameters), other.low), other.high)
-                for other, label in zip(others, labels, strict=True)
-            ]
-        )
-        names = {other.name: label.name for other, label in zip(others, labels, strict=True)}
-        stretches += _stretches(x, held, greedy, names)
-    return stretches
 
 
 def _stretches(

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.robot.schemas import FollowObstaclesConfig
 from fnnq_torchrl.studies.experiments import Experiment, Job, NoResults
 from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
 from fnnq_torchrl.studies.rules.comparison import compare
@@ -112,7 +113,11 @@ def write_page(experiment: Experiment) -> str:
     tests = reference.config.evaluation.tests
     compared = compare(read_job(reference.directory))
     advice, (partly, otherwise) = read_rules(compared), by_distance(compared)
-    learned, distilled = outcomes(compared.learned), outcomes(compared.distilled)
+    assert isinstance(reference.config.env, FollowObstaclesConfig)
+    learned, distilled = (
+        outcomes(played, reference.config.env.collision_reward)
+        for played in (compared.learned, compared.distilled)
+    )
     steps, at_random = _after(wander[lam], "length"), _before(wander[lam], "length")
     return _PAGE.format(
         situations=reference.config.situations,

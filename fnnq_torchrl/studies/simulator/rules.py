@@ -81,23 +81,30 @@ def read_rules(compared: Comparison) -> list[Advice]:
     states, _ = compared.learned.visited()
     fired = first.distilled.firing(states).sum(0).permute(order) / len(controllers)
     advice = []
-    for far in product((0, 1), repeat=len(SIDES)):
+    for front, left, right in product((0, 1), repeat=len(SIDES)):  # near and far
         steering = {}
         for number, place in enumerate(BALL):
             # The labels of the bearing rise from the right to the left.
-            counts = named[:, len(BALL) - 1 - number, *far].bincount(minlength=len(labels))
+            of_rule = named[:, len(BALL) - 1 - number, front, left, right]
+            counts = of_rule.bincount(minlength=len(labels))
             name = [*labels][int(counts.argmax())].replace("_", " ")
             steering[place] = name, float(counts.max() / len(controllers))
-        near = tuple(side for side, is_far in zip(SIDES, far, strict=True) if not is_far)
-        advice.append(Advice(near, steering, float(fired[:, *far].sum())))
+        are_far = zip(SIDES, (front, left, right), strict=True)
+        near = tuple(side for side, is_far in are_far if not is_far)
+        advice.append(Advice(near, steering, float(fired[:, front, left, right].sum())))
     return sorted(advice, key=lambda each: len(each.near))
 
 
-def outcomes(played: Replay) -> Outcomes:
-    """Return how the situations of a replayed test of `follow_obstacles` ended."""
+def outcomes(played: Replay, collision_reward: float) -> Outcomes:
+    """Return how the situations of a replayed test of `follow_obstacles` ended.
+
+    Args:
+        played: the test; a situation has a reward at its end only.
+        collision_reward: the reward of a collision.
+    """
     caught = (played.after["success"].squeeze(-1) & played.counts).any(0)
     rewards = played.after["reward"].squeeze(-1).masked_fill(~played.counts, 0).sum(0)
-    collided = ~caught & (rewards == played.env.world.collision_reward)
+    collided = ~caught & (rewards == collision_reward)
     ends = caught, collided, ~caught & ~collided
     return Outcomes(*(end.sum(-1).double().numpy() for end in ends))
 
