@@ -24,6 +24,9 @@ TITLES = {
 
 OURS, THEIRS, LONGER, FUZZY = "ours", "theirs", "longer", "fuzzy"
 
+FEWEST = 3
+"""The smallest number of runs that have an interval."""
+
 LAST = PARTS // 5
 """The number of parts at the end, over which the final return is taken."""
 
@@ -32,6 +35,12 @@ _WORDS = {
     THEIRS: "its authors' program",
     LONGER: "ours",
     FUZZY: "the paper's fuzzy network",
+}
+
+_NAMED = {
+    OURS: "with our Stream Q(λ)",
+    THEIRS: "with its authors' program",
+    FUZZY: "with the paper's fuzzy network and our defaults",
 }
 
 _PAGE = """# Stream Q(λ)
@@ -58,7 +67,7 @@ rewards divided by the running standard deviation of their discounted sum.
 
 ```
 python -m fnnq_torchrl.train +experiment=stream_q
-python -m fnnq_torchrl.train +experiment=stream_q task=acrobot env=acrobot {longer}
+python -m fnnq_torchrl.train +experiment=stream_q task=acrobot env=acrobot env.cosines=true {longer}
 ```
 
 The first command runs 50,000 steps in three tasks, as on this page. The second runs the authors'
@@ -73,7 +82,6 @@ intervals over the seeds. In the task of the ball, a catch is worth 1 and a miss
 21 candidate actions.
 
 {returns}
-{fuzzy}
 ## What differs
 
 * *Where the trace is cut.* Watkins' Q(λ) cuts the trace before an exploratory action, so that
@@ -85,8 +93,6 @@ intervals over the seeds. In the task of the ball, a catch is worth 1 and a miss
   with fewer than ten inputs, that is all of them. Here at least one weight of each unit isn't 0.
 * *Time.* The program adds the time within the episode to the observations, as a further input that
   rises from −0.5 to 0.5 up to the time limit.
-* *Acrobot's observations* are the two angles and speeds here, and the angles' sines and cosines and
-  the speeds in Gymnasium.
 * *Precision.* Statistics are float32 here and float64 there.
 """
 
@@ -122,14 +128,12 @@ def write_page(series: Sequence[Series], dates: Sequence[str]) -> str:
     """
     known = {(each.task, each.who): each for each in series}
     days = sorted({*dates})
-    fuzzy = known.get(("follow", FUZZY))
     return _PAGE.format(
         conclusions="\n".join(f"* {line}" for line in _conclusions(known)),
         longer="epsilon_over=25000 situations=4500 evaluation.every=20",
         dates=" to ".join(dict.fromkeys((days[0], days[-1]))) if days else "no day yet",
         confidence=100 * CONFIDENCE,
-        returns=_table([each for each in series if each.who != FUZZY]),
-        fuzzy="" if fuzzy is None else _of_fuzzy(fuzzy, known.get(("follow", OURS))),
+        returns=_table(series),
     )
 
 
@@ -149,24 +153,17 @@ def _table(series: Sequence[Series]) -> str:
     return table(head, rows) + "\n"
 
 
-def _of_fuzzy(fuzzy: Series, ours: Series | None) -> str:
-    beside = "" if ours is None else f", the recipe's perceptron {_catches(ours)}"
-    return (
-        "\nIn the task of the ball, the paper's fuzzy network with the defaults of this program "
-        f"catches {_catches(fuzzy)} of the balls in the last fifth of as many steps{beside}.\n"
-    )
-
-
 def _catches(series: Series) -> str:
     share = (series.final + 0.5) / 1.5  # a catch is worth 1, a miss −0.5
-    found = mean_interval(share)
-    return f"{found.mean:.0%} [{found.low:.0%}, {found.high:.0%}]"
+    found = mean_interval(share, bounds=(0, 1))
+    bounds = f" [{found.low:.0%}, {found.high:.0%}]" if len(share) >= FEWEST else ""
+    return f"{found.mean:.0%}{bounds}"
 
 
 def _interval(sample: NDArray[np.float64]) -> str:
     found = mean_interval(sample)
     digits = 2 if abs(found.mean) < 10 else 0
-    if len(sample) < 2:
+    if len(sample) < FEWEST:
         return f"{found.mean:.{digits}f}"
     return f"{found.mean:.{digits}f} [{found.low:.{digits}f}, {found.high:.{digits}f}]"
 
@@ -174,7 +171,16 @@ def _interval(sample: NDArray[np.float64]) -> str:
 def _conclusions(known: Mapping[tuple[str, str], Series]) -> Iterator[str]:
     for task, title in TITLES.items():
         ours, theirs = known.get((task, OURS)), known.get((task, THEIRS))
-        if ours is None or theirs is None or len(theirs.returns) < 2:
+        if ours is None or theirs is None:
+            continue
+        digits = 2 if abs(ours.final.mean()) < 10 else 0
+        if len(theirs.returns) < FEWEST:
+            runs = " and ".join(f"{value:.{digits}f}" for value in theirs.final)
+            yield (
+                f"**{title}**: in the last fifth of {ours.steps:,} steps, ours earns "
+                f"{_interval(ours.final)}; the authors' program earns {runs}, in too few runs "
+                "for a comparison."
+            )
             continue
         difference = ours.final.mean() - theirs.final.mean()
         bounds = ttest_ind(ours.final, theirs.final, equal_var=False).confidence_interval(
@@ -183,7 +189,6 @@ def _conclusions(known: Mapping[tuple[str, str], Series]) -> Iterator[str]:
         verdict = "neither clearly more nor less than"
         if bounds.low > 0 or bounds.high < 0:
             verdict = "more than" if bounds.low > 0 else "less than"
-        digits = 2 if abs(ours.final.mean()) < 10 else 0
         yield (
             f"**{title}**: ours earns {verdict} the authors' program. In the last fifth of "
             f"{ours.steps:,} steps, ours has {ours.final.mean():.{digits}f} and theirs "
@@ -191,20 +196,15 @@ def _conclusions(known: Mapping[tuple[str, str], Series]) -> Iterator[str]:
             f"[{bounds.low:+.{digits}f}, {bounds.high:+.{digits}f}] "
             f"({len(ours.returns)} seeds against {len(theirs.returns)})."
         )
-    ball, fuzzy = known.get(("follow", THEIRS)), known.get(("follow", FUZZY))
-    if ball is not None and fuzzy is not None:
+    if balls := [
+        f"{_NAMED[who]} {_catches(known['follow', who])}"
+        for who in (OURS, THEIRS, FUZZY)
+        if ("follow", who) in known
+    ]:
         yield (
-            "In the task of the ball, the fuzzy network catches "
-            f"{_catches(fuzzy)} of the balls, our Stream Q(λ) {_catches(known['follow', OURS])}, "
-            f"the authors' {_catches(ball)}. {_who_is_to_blame(known['follow', OURS], ball)}"
+            f"**{TITLES['follow']}**: in the last fifth of the steps, the share of balls caught is "
+            f"{', '.join(balls)}."
         )
-
-
-def _who_is_to_blame(ours: Series, theirs: Series) -> str:
-    bounds = ttest_ind(ours.final, theirs.final, equal_var=False).confidence_interval(CONFIDENCE)
-    if bounds.high < 0:
-        return "Part of the gap is ours: the authors' program learns more there."
-    return "So the recipe itself does little there: it isn't our program that holds it back."
 
 
 @own_style()
@@ -227,7 +227,7 @@ def figure_of(series: Sequence[Series]) -> Figure:
             places = (np.arange(PARTS) + 0.5) * each.steps / PARTS
             intervals = [mean_interval(column) for column in each.returns.T]
             axes.plot(places, [one.mean for one in intervals], color=colour, label=_WORDS[who])
-            if len(each.returns) > 1:
+            if len(each.returns) >= FEWEST:
                 lows, highs = [one.low for one in intervals], [one.high for one in intervals]
                 axes.fill_between(places, lows, highs, color=colour, alpha=0.2, linewidth=0)
         axes.set_title(title, fontsize=10)

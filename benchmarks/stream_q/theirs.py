@@ -54,7 +54,9 @@ def run(task: str, seed: int, steps: int, limit: int | None = None) -> dict[str,
     import stream_q
 
     if task == "follow":
-        import fnnq_torchrl  # noqa: F401  # registers the task
+        from fnnq_torchrl.launch.composition import load_config  # also registers the task
+
+        limit = limit or load_config("task=follow").env.time_limit_steps
     make = gymnasium.make
 
     def make_with_our_limit(name: str, max_episode_steps: int, **settings: Any) -> Any:

@@ -13,6 +13,8 @@ _GRAVITY_MPS2 = 9.8
 _CENTRE_M = 0.5
 """The distance of a link's centre of mass from its upper end. A link has 1 m, 1 kg and 1 kg m²."""
 
+_ANGLES = ("angle1_rad", "angle2_rad")
+
 Motion = tuple[Tensor, Tensor, Tensor, Tensor]
 """Both angles and both angular speeds, or their derivatives."""
 
@@ -34,8 +36,25 @@ class Acrobot(PureEnv):
     schema = AcrobotConfig
     world: AcrobotConfig
 
+    @property
+    def state_sizes(self) -> dict[str, int]:
+        """The angles, if only their cosines and sines are observed."""
+        return dict.fromkeys(_ANGLES, 1) if self.world.cosines else {}
+
     def initial(self, seed: Tensor, episode: Tensor, situations: Tensor | None) -> Entries:
-        return draw_state(self.seen, self.world.start, seed, episode, self.dtype)
+        names = [*_ANGLES, "speed1_radps", "speed2_radps"]
+        state = draw_state(names, self.world.start, seed, episode, self.dtype)
+        return state | self._cosines(state["angle1_rad"], state["angle2_rad"])
+
+    def _cosines(self, angle1_rad: Tensor, angle2_rad: Tensor) -> Entries:
+        if not self.world.cosines:
+            return {}
+        return {
+            "cosine1": torch.cos(angle1_rad),
+            "sine1": torch.sin(angle1_rad),
+            "cosine2": torch.cos(angle2_rad),
+            "sine2": torch.sin(angle2_rad),
+        }
 
     def transition(self, state: Entries, action: Tensor) -> Entries:
         torque_nm = (action - 1) * self.world.torque_nm
@@ -54,6 +73,7 @@ class Acrobot(PureEnv):
         return {
             "angle1_rad": angle1,
             "angle2_rad": angle2,
+            **self._cosines(angle1, angle2),
             "speed1_radps": speed1.clamp(-4 * pi, 4 * pi),
             "speed2_radps": speed2.clamp(-9 * pi, 9 * pi),
             "reward": torch.full_like(angle1, -1).masked_fill(above, 0),

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import inf, pi
 from typing import Any, ClassVar
 
-from envs.core.parameters import OutOfRange, number, or_null, rising_pair, whole
+from envs.core.parameters import OutOfRange, flag, number, or_null, rising_pair, whole
 from envs.core.world import Range, WorldConfig
 
 
@@ -131,6 +131,7 @@ class AcrobotConfig(WorldConfig):
     time_step_s: float = number(above=0)
     torque_nm: float = number(above=0)
     start: float = number(0)  # each number of the state ~ U(−this, this)
+    cosines: bool = flag(default=False)  # older jobs have no such key
 
     measure: ClassVar = "return"
     successes: ClassVar = "swings"
@@ -139,10 +140,11 @@ class AcrobotConfig(WorldConfig):
 
     @property
     def observations(self) -> Mapping[str, Range]:
-        """The ranges of both joints' angles and angular speeds."""
+        """The ranges of both joints' angles, or their cosines and sines, and angular speeds."""
+        parts = ("cosine1", "sine1", "cosine2", "sine2")
+        angles = {"angle1_rad": (-pi, pi), "angle2_rad": (-pi, pi)}
         return {
-            "angle1_rad": (-pi, pi),
-            "angle2_rad": (-pi, pi),
+            **(dict.fromkeys(parts, (-1.0, 1.0)) if self.cosines else angles),
             "speed1_radps": (-4 * pi, 4 * pi),
             "speed2_radps": (-9 * pi, 9 * pi),
         }

@@ -145,3 +145,20 @@ def test_the_walks_values_are_predicted() -> None:
     trainer.learn()
     found = trainer.weights["weight"].mean(0).flatten().double().numpy()
     np.testing.assert_allclose(found, np.arange(-9, 10) / 10, atol=0.06)
+
+
+def test_acrobot_is_observed_as_in_gymnasium() -> None:
+    env = make("acrobot", "env.cosines=true", "value=mlp", runs=1)
+    check_world(make("acrobot", "env.cosines=true", "value=mlp", runs=2))
+    theirs = gymnasium.make("Acrobot-v1").unwrapped
+    theirs.reset(seed=0)
+    state = env.reset()
+    theirs.state = np.array(
+        [state[key].item() for key in ("angle1_rad", "angle2_rad", "speed1_radps", "speed2_radps")]
+    )
+    for step in range(100):
+        action = step // 7 % 3
+        state = env.step(state.set("action", torch.full((1, 1), action).double()))["next"]
+        seen, *_ = theirs.step(action)
+        ours = np.array([state[key].item() for key in env.seen])
+        np.testing.assert_allclose(ours, seen, atol=1e-6)
