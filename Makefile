@@ -20,7 +20,7 @@ BROWSER := tests/browser/.venv
 ONLY :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install run figures reproduction general-claims adaptive extrapolation rules memberships prior simulator textbook values stream-q test test-long foreign browser docs fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
+.PHONY: help install run figures reproduction general-claims adaptive doya extrapolation rules memberships prior simulator textbook values stream-q test test-long foreign browser docs fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 
 help:  ## list these targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' Makefile
@@ -47,12 +47,19 @@ general-claims: install  ## the second part of docs/reproduction.md alone: what 
 	for name in $(GENERAL); do $(EXPERIMENT) +experiment=$$name || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction --general
 
-adaptive: install  ## docs/adaptive.md: adaptive step sizes over 1,000 seeds (SEEDS=22: fewer), a perceptron over 100; takes twenty minutes
+adaptive: install  ## docs/adaptive.md and docs/meta_learning.md: adaptive parameters over 1,000 seeds (SEEDS=22: fewer); takes forty minutes
 	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
 	$(EXPERIMENT) +experiment=stability
 	for name in step_sizes meta_step_sizes; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
 	$(EXPERIMENT) +experiment=step_sizes_car
 	$(BIN)/python -m fnnq_torchrl.adaptive
+	$(EXPERIMENT) +experiment=doya num_seeds=10000
+	for name in meta_learning changing_ball; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
+	$(BIN)/python -m fnnq_torchrl.meta_learning
+
+doya: install  ## meta-learning on the ring: the replication's table of stable solutions, 300 runs (takes three minutes)
+	$(EXPERIMENT) +experiment=doya
+	$(BIN)/python -m fnnq_torchrl.meta_learning --ring
 
 extrapolation: install  ## docs/extrapolation.md: value functions at bearings that they have never seen; takes eight minutes
 	for name in value_functions extrapolation; do $(EXPERIMENT) +experiment=$$name || exit; done

@@ -1,7 +1,7 @@
 """The base class of the worlds' configurations, without torch."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -75,3 +75,12 @@ class WorldConfig(Parameters, ABC):
     def tested(self) -> "WorldConfig":
         """The configuration of the world in which evaluations play; by default this one."""
         return self
+
+    def tested_from(self, first_test: Callable[[int], int]) -> "WorldConfig":
+        """Return the configuration in which evaluations play, for a world that changes in time.
+
+        Args:
+            first_test: returns the number of the first test episode that is played after so many
+                situations of learning, or more.
+        """
+        return self.tested

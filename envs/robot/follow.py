@@ -28,6 +28,9 @@ class FollowBall(PureEnv):
     ``ball_speed_radps``                 ω_b, its angular speed along the circle
     ===================================  =========================================================
 
+    In the episodes from ``change_at`` on, unless it is 0, the ball rolls ``changed_speed`` times as
+    fast as its speed says, and with ``swap_wheels`` the wheels are swapped.
+
     :class:`envs.core.pure.PureEnv` has further entries. A fixed start is (φ₀, ω_b), in rad and
     rad/s.
 
@@ -66,7 +69,7 @@ class FollowBall(PureEnv):
             state["x_m"],
             state["y_m"],
             state["heading_rad"],
-            *kinematics.wheel_speeds(action, world.speed_mps),
+            *kinematics.wheel_speeds(self._steering(action, state["episode"]), world.speed_mps),
             world.track_width_m,
             world.time_step_s,
         )
@@ -98,6 +101,20 @@ class FollowBall(PureEnv):
             "success": caught,
         }
 
+    def _changed(self, episode: Tensor, before: Tensor, after: Tensor) -> Tensor:
+        """Return ``after`` in the episodes from ``change_at`` on, and ``before`` in those before.
+
+        Test episodes have other numbers: :meth:`.WorldConfig.tested_from` moves ``change_at``.
+        """
+        return torch.where(episode >= self.world.change_at, after, before)
+
+    def _steering(self, action: Tensor, episode: Tensor) -> Tensor:
+        """Return Δv, which is reversed once the wheels are swapped."""
+        world = self.world
+        if not (world.change_at and world.swap_wheels):
+            return action
+        return self._changed(episode, action, -action)
+
     def _draw_ball(
         self, u: Tensor, v: Tensor, heads: Tensor, episode: Tensor
     ) -> tuple[Tensor, Tensor]:
@@ -109,7 +126,11 @@ class FollowBall(PureEnv):
     def _roll(self, state: Entries) -> tuple[Entries, Tensor, Tensor]:
         """Return the ball's state after a step, and its x and y in m."""
         world, speed_radps = self.world, state["ball_speed_radps"]
-        angle_rad = balls.roll(state["ball_angle_rad"], speed_radps, world.time_step_s)
+        present_radps = speed_radps
+        if world.change_at and world.changed_speed != 1:
+            faster_radps = world.changed_speed * speed_radps
+            present_radps = self._changed(state["episode"], speed_radps, faster_radps)
+        angle_rad = balls.roll(state["ball_angle_rad"], present_radps, world.time_step_s)
         entries = {"ball_angle_rad": angle_rad, "ball_speed_radps": speed_radps}
         return entries, *balls.position(angle_rad, world.circle_radius_m)
 

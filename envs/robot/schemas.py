@@ -1,16 +1,16 @@
 """The parameters of the robot's worlds; ``conf/env/`` has the values."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
 from math import floor, pi
 from typing import ClassVar
 
-from envs.core.parameters import OutOfRange, number, one_of, whole
+from envs.core.parameters import OutOfRange, flag, number, one_of, whole
 from envs.core.world import Range, WorldConfig
 from envs.robot.scene import SceneConfig, steps_for
 
 
-@dataclass
+@dataclass(kw_only=True)
 class FollowBallConfig(WorldConfig):
     """The parameters of ``follow_ball``; their names end in their units."""
 
@@ -30,6 +30,10 @@ class FollowBallConfig(WorldConfig):
 
     catch_reward: float = number(above=0)
     miss_reward: float = number(high=0)
+
+    change_at: int = whole(0, default=0)  # defaults: of jobs from before these keys
+    changed_speed: float = number(0, default=1.0)
+    swap_wheels: bool = flag(default=False)
 
     successes: ClassVar = "catches"
     action_name: ClassVar = "steer"  # Δv: 1 turns right
@@ -57,6 +61,14 @@ class FollowBallConfig(WorldConfig):
         way_m = self.circle_radius_m - self.catch_distance_m
         return min(self.time_limit_steps, max(1, floor(way_m / stride_m)))
 
+    @property
+    def tested(self) -> "FollowBallConfig":
+        return self
+
+    def tested_from(self, first_test: Callable[[int], int]) -> WorldConfig:
+        world = self.tested
+        return replace(world, change_at=first_test(self.change_at)) if self.change_at else world
+
     def contradictions(self) -> Iterator[OutOfRange]:
         """Yield an error if the ball's lowest speed is above its highest."""
         slowest, fastest = self.ball_speed_min_radps, self.ball_speed_max_radps
@@ -65,7 +77,7 @@ class FollowBallConfig(WorldConfig):
             yield OutOfRange("ball_speed_min_radps", slowest, at_most)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class FollowOneSideConfig(FollowBallConfig):
     """The parameters of ``follow_one_side``, in which the ball starts on one side.
 

@@ -6,7 +6,7 @@ from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fnnq_torchrl.training.jobs import PICTURE, VIDEO, Job
+from fnnq_torchrl.training.jobs import PARAMETERS_PICTURE, PICTURE, VIDEO, Job
 from fnnq_torchrl.training.results import Evaluations, read_evaluations
 from fnnq_torchrl.training.score import Score
 from fnnq_torchrl.training.terminal import announce
@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # this room's pictures import Matplotlib
 
 
 def draw_job(job: Job, evaluations: Evaluations | None = None) -> None:
-    """Draw the learning curve of a finished job.
+    """Draw the learning curve of a finished job, and the course of its adaptive parameters, if any.
 
     Args:
         job: the job.
@@ -29,6 +29,12 @@ def draw_job(job: Job, evaluations: Evaluations | None = None) -> None:
         if evaluations is None:
             evaluations = read_evaluations(job.directory / "evaluations.csv", score.measure)
         learning_curve(evaluations, picture, score)
+    if job.config.adaptive != "none" and evaluations is not None:
+        picture = job.directory / PARAMETERS_PICTURE
+        with optional(picture):
+            from fnnq_torchrl.training.pictures.parameters import parameters_picture
+
+            parameters_picture(evaluations, picture, score)
 
 
 def draw_video(job: Job) -> None:

@@ -1,5 +1,6 @@
 """The test of the learned weights: greedy play (ε = 0) without learning."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ from envs.worlds import make_world
 from fnnq_torchrl.agent.learning_step import act
 from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
 from fnnq_torchrl.agent.values import ValueNetwork
+from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.engine.choice import Engine
 from fnnq_torchrl.engine.loops import Step
 
@@ -21,6 +23,18 @@ FIRST_EPISODE = 2**32
 
 Episodes of learning have smaller numbers, so an evaluation never repeats their random numbers.
 """
+
+
+def world_of_tests(config: Config) -> WorldConfig:
+    """Return the world in which a job's evaluations play.
+
+    In a world that changes while the runs learn, an evaluation after at least as many situations
+    as the change plays in the changed world.
+    """
+    every, tests = config.evaluation.every, config.evaluation.tests
+    return config.env.tested_from(
+        lambda situations: FIRST_EPISODE + math.ceil(situations / every) * tests
+    )
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,13 @@ from fnnq_torchrl.files.atomic import clear_leftovers
 from fnnq_torchrl.training.batch import Batch
 from fnnq_torchrl.training.drawing import draw_job, draw_video
 from fnnq_torchrl.training.firing import FIRING, write_firing
-from fnnq_torchrl.training.jobs import PICTURE, SNAPSHOTS, VIDEO, Job, JobFailed
+from fnnq_torchrl.training.jobs import (
+    PICTURE,
+    SNAPSHOTS,
+    VIDEO,
+    Job,
+    JobFailed,
+)
 from fnnq_torchrl.training.loggers import Loggers
 from fnnq_torchrl.training.memberships import gaps_in_words, with_found_labels
 from fnnq_torchrl.training.memory import check_memory
@@ -55,8 +61,8 @@ def run_job(config: Config, directory: Path) -> float:
     The files are written in this order: ``checkpoint.pt``, ``snapshots.pt`` (only with
     ``checkpoint.snapshots=true``), ``firing.csv`` (only with ``rules.count_firing=true``),
     ``solved.csv`` (only in a world that states its best mean reward), ``evaluations.csv``,
-    ``summary.json``, ``learning_curve.png`` (unless drawing fails), ``robot.gif`` (only with
-    ``logger.video=true``, and unless drawing fails).
+    ``summary.json``, ``learning_curve.png``, ``parameters.png`` (only with adaptive parameters) and
+    ``robot.gif`` (only with ``logger.video=true``); the last three unless drawing fails.
 
     Returns:
         The mean score over the runs, which is the job's objective.

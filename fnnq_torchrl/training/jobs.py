@@ -17,6 +17,9 @@ RESULTS = ("checkpoint.pt", "evaluations.csv", "summary.json")
 PICTURE = "learning_curve.png"
 """The file with the learning curve."""
 
+PARAMETERS_PICTURE = "parameters.png"
+"""The file with the course of the learning parameters, drawn if they are adaptive."""
+
 VIDEO = "robot.gif"
 """The file with the video of the robot after learning, drawn with ``logger.video=true``."""
 

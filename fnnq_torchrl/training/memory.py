@@ -34,6 +34,9 @@ _BASE = 600 * 2**20
 _COLUMNS = 40
 """Numbers kept for each run: its values as lists and tensors, in its job and in the batch."""
 
+_TOLD = 4
+"""Numbers kept for each evaluation besides weights and steps: α, temperature, γ and a flag."""
+
 _COPIES = 4
 """Numbers that an eager step keeps for each candidate action; a native step keeps fewer."""
 
@@ -68,9 +71,9 @@ class Sizes:
 
     @property
     def kept(self) -> int:
-        """Bytes kept to the end: weights, steps and test results of all evaluations, run values."""
+        """Bytes kept to the end: what all evaluations have, their tests, and the runs' values."""
         of_test = 2 + self.bytes + 4  # two flags (played, success), return, length
-        of_evaluation = self.weights * self.bytes + _NUMBER + self.tests * of_test + 1
+        of_evaluation = (self.weights + _TOLD) * self.bytes + _NUMBER + self.tests * of_test + 1
         of_run = _COLUMNS * _NUMBER + self.counted * self.bytes
         return self.runs * (self.evaluations * of_evaluation + of_run)
 

@@ -8,6 +8,7 @@ from envs.core.parameters import Parameters
 from envs.core.registry import is_own
 from fnnq_torchrl.config.identity import ASIDE
 from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.training.evaluation import world_of_tests
 from fnnq_torchrl.training.jobs import BATCHABLE
 
 _NOT_OF_THE_STEP = (*ASIDE, *BATCHABLE, "engine", "situations")
@@ -29,6 +30,8 @@ def recipe(config: Config, step: str, prior: str | None = None) -> str | None:
     if is_own(config.env.kind) or is_own(config.value.kind):
         return None
     parts = {key: part for key, part in _settings(config).items() if key not in _NOT_OF_THE_STEP}
+    if step == "test":
+        parts["env"] = world_of_tests(config)
     parts["evaluation"] = config.evaluation.every  # the fixed starts are inputs, too
     return json.dumps([step, prior, parts], sort_keys=True, default=_settings)
 

@@ -21,7 +21,7 @@ from fnnq_torchrl.engine.lanes import lanes_for, repeat_last
 from fnnq_torchrl.engine.scheduler import Keeper, work_through
 from fnnq_torchrl.equations.q_lambda import Rule
 from fnnq_torchrl.equations.step_size import make_step_size
-from fnnq_torchrl.training.evaluation import GreedyTest, Playing
+from fnnq_torchrl.training.evaluation import GreedyTest, Playing, world_of_tests
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.recipe import recipe
 from fnnq_torchrl.training.results import PARAMETERS, Outcome
@@ -194,7 +194,7 @@ class Trainer:
             if fixed is None
             else torch.tensor(fixed, dtype=self.dtype, device=self.device)
         )
-        return GreedyTest(config.env.tested, self._value_network(runs=1), situations)
+        return GreedyTest(world_of_tests(config), self._value_network(runs=1), situations)
 
     def _outcome(self) -> Outcome:
         ledger, pages, config = self.ledger, self.ledger.book.pages, self.config

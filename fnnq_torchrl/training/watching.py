@@ -14,7 +14,7 @@ from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.files.atomic import atomic_write
-from fnnq_torchrl.training.evaluation import FIRST_EPISODE, GreedyTest
+from fnnq_torchrl.training.evaluation import FIRST_EPISODE, GreedyTest, world_of_tests
 from fnnq_torchrl.training.start import read_start
 from fnnq_torchrl.training.weights import Checkpoint
 
@@ -67,7 +67,7 @@ def play(
         weights = {name: checkpoint.weights[name][rows] for name in weights}
     fixed = config.evaluation.fixed
     test = GreedyTest(
-        config.env.tested,
+        world_of_tests(config),
         network,
         # A job without tests has none to replay, so its situations are new ones.
         (config.evaluation.tests or situations)

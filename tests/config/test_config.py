@@ -105,6 +105,9 @@ def test_the_defaults_are_the_papers_and_spec(default):
             "field_of_view_rad": 1.0,
             "catch_reward": 1.0,
             "miss_reward": -0.5,
+            "change_at": 0,
+            "changed_speed": 1.0,
+            "swap_wheels": False,
         },
         "value": {
             "kind": "fnnq",
@@ -303,6 +306,32 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
             ["trace=dutch", "variant=sarsa", "rules.frozen=[ahead]"],
             "rules.frozen=['ahead']: must be [] with trace=dutch",
         ),
+        (
+            ["adaptive=doya", "exploration=epsilon_greedy"],
+            "exploration=epsilon_greedy: must be boltzmann with adaptive=doya and temperature "
+            "among adaptive_parameters",
+        ),
+        (
+            ["adaptive=doya", "step_size=decay"],
+            "step_size=decay: must be constant or obgd with adaptive=doya and alpha among "
+            "adaptive_parameters",
+        ),
+        (
+            ["adaptive=doya", "step_size=obgd"],
+            "alpha=1.0: must be a number in (0, 1), without 0 and 1, with adaptive=doya and alpha "
+            "among adaptive_parameters",
+        ),
+        (
+            ["adaptive=doya", "gamma=1"],
+            "gamma=1.0: must be a number in (0, 1), without 0 and 1, with adaptive=doya and gamma "
+            "among adaptive_parameters",
+        ),
+        (
+            ["adaptive_parameters=[alpha,lam]"],
+            "adaptive_parameters=['alpha', 'lam']: must be a list of at least one of alpha, "
+            "temperature and gamma",
+        ),
+        ("adaptive=dooya", "adaptive=dooya: must be doya or none"),
         (
             ["trace=clearing"],
             "value.kind=fnnq: must be table, tiles or tiles_sum with trace=clearing",

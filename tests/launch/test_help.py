@@ -41,7 +41,7 @@ def test_every_key_of_the_learner_and_the_runs_is_there_with_its_default(page: s
         "boltzmann: a candidate with",  # above the key
         "seconds from one save to the next",
         "value=                     fnnq, fnnq_sum, fuzzy_q, mlp, rbf, table, tiles, tiles_sum",
-        "+experiment=               adaptive, decay",
+        "+experiment=               adaptive, best_exploration",
     ],
 )
 def test_meaning_and_choices(page: str, words: str) -> None:

@@ -1,12 +1,12 @@
 """The scores of a step size over a range of α: at the best α, at the worst, and on average."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fnnq_torchrl.studies.experiments import Experiment
+from fnnq_torchrl.studies.experiments import Experiment, Job
 from fnnq_torchrl.studies.measures import MEASURES
 from fnnq_torchrl.studies.reproduction.pool import same_seeds
 from fnnq_torchrl.studies.reproduction.verdicts import MATTERS
@@ -74,13 +74,25 @@ def read_scheme(experiment: Experiment, step_size: str, lam: float, unit: Unit =
         ValueError: if there are too few runs for `choose_by_half`.
     """
     alphas = sorted(experiment.values("alpha"))
-    runs = same_seeds(experiment.jobs)
-    jobs = [experiment.job(step_size=step_size, lam=lam, alpha=alpha) for alpha in alphas]
+    same_seeds(experiment.jobs)
+    return scheme_of(
+        [experiment.job(step_size=step_size, lam=lam, alpha=alpha) for alpha in alphas], unit
+    )
+
+
+def scheme_of(jobs: Sequence[Job], unit: Unit = CATCHES) -> Scheme:
+    """Return the scores of a scheme, from one job for each α, with α rising.
+
+    Raises:
+        NoResults: if the jobs have different seeds.
+        ValueError: if there are too few runs for `choose_by_half`.
+    """
+    runs = same_seeds(jobs)
     scores = np.stack([unit.of(job.evaluations)[:runs] for job in jobs])
     best, worst = choose_by_half(scores), choose_by_half(-scores)
     return Scheme(
         before=float(np.mean([unit.before(job.evaluations) for job in jobs])),
-        best_alpha=alphas[best.choice],
+        best_alpha=jobs[best.choice].settings["alpha"],
         at_best=best.judged,
         at_worst=-worst.judged,
         over_alphas=scores.mean(axis=0),
