@@ -96,8 +96,9 @@ intervals over the seeds. In the task of the ball, a catch is worth 1 and a miss
 * *Precision.* Statistics are float32 here and float64 there.
 {angles}"""
 
-_ANGLES = """* *Acrobot's observations.* Our runs observe the two angles, which jump from π to −π, and the authors'
-  program, with Gymnasium, their cosines and sines. `env.cosines=true` is as in Gymnasium.
+_ANGLES = """\
+* *Acrobot's observations.* Our runs observe the two angles, which jump from π to −π. The authors'
+  program observes their cosines and sines, as ours does with `env.cosines=true`.
 """
 
 
