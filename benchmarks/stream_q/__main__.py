@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fnnq_torchrl.files.atomic import atomic_write
-from fnnq_torchrl.studies.experiments import newest_experiment
+from fnnq_torchrl.studies.experiments import Experiment, newest_experiment
 from fnnq_torchrl.training.pictures.style import save
 from fnnq_torchrl.training.results import read_evaluations
 
@@ -51,10 +51,10 @@ def measure(seeds: int, steps: int) -> list[Measured]:
     return runs
 
 
-def read_ours(results: Path, steps: int) -> list[Series]:
-    """Return our runs, from the newest results of the experiment and of the fuzzy network."""
+def read_ours(experiment: Experiment, results: Path, steps: int) -> list[Series]:
+    """Return our runs, from the results of the experiment and of the fuzzy network."""
     found = []
-    for job in newest_experiment(results, "stream_q").jobs:
+    for job in experiment.jobs:
         task = next(task for task, kind in KINDS.items() if kind == job.config.env.kind)
         total = round(job.config.epsilon_over / SHARE)
         who = OURS if total == steps else LONGER
@@ -74,7 +74,8 @@ def main() -> None:
     parser.add_argument("--to", type=Path, default=Path("docs"), help="the folder of the page")
     given = parser.parse_args()
     runs = [run for run in measure(given.seeds, given.steps) if run.steps == given.steps]
-    series = read_ours(given.results, given.steps)
+    experiment = newest_experiment(given.results, "stream_q")
+    series = read_ours(experiment, given.results, given.steps)
     for task in TITLES:
         if returns := [run.returns for run in runs if run.task == task]:
             series.append(Series(task, THEIRS, given.steps, np.array(returns)))
@@ -83,7 +84,8 @@ def main() -> None:
     for ending in ("png", "svg"):
         save(figure_of(series), given.to / "figures" / f"stream_q.{ending}")
     with atomic_write(given.to / "stream_q.md") as file:
-        file.write(write_page(series, [run.date for run in runs]).encode())
+        angles = not all(job.settings.get("env.cosines", True) for job in experiment.jobs)
+        file.write(write_page(series, [run.date for run in runs], angles=angles).encode())
 
 
 if __name__ == "__main__":

@@ -94,6 +94,11 @@ intervals over the seeds. In the task of the ball, a catch is worth 1 and a miss
 * *Time.* The program adds the time within the episode to the observations, as a further input that
   rises from −0.5 to 0.5 up to the time limit.
 * *Precision.* Statistics are float32 here and float64 there.
+{angles}"""
+
+_ANGLES = """\
+* *Acrobot's observations.* Our runs observe the two angles, which jump from π to −π. The authors'
+  program observes their cosines and sines, as ours does with `env.cosines=true`.
 """
 
 
@@ -119,12 +124,13 @@ class Series(NamedTuple):
         return means
 
 
-def write_page(series: Sequence[Series], dates: Sequence[str]) -> str:
+def write_page(series: Sequence[Series], dates: Sequence[str], *, angles: bool = False) -> str:
     """Return the page.
 
     Args:
         series: the results of both programs.
         dates: the days on which the authors' program was measured.
+        angles: whether our runs of Acrobot observe angles, not their cosines and sines.
     """
     known = {(each.task, each.who): each for each in series}
     days = sorted({*dates})
@@ -133,6 +139,7 @@ def write_page(series: Sequence[Series], dates: Sequence[str]) -> str:
         longer="epsilon_over=25000 situations=4500 evaluation.every=20",
         dates=" to ".join(dict.fromkeys((days[0], days[-1]))) if days else "no day yet",
         confidence=100 * CONFIDENCE,
+        angles=_ANGLES if angles else "",
         returns=_table(series),
     )
 
@@ -232,6 +239,8 @@ def figure_of(series: Sequence[Series]) -> Figure:
                 axes.fill_between(places, lows, highs, color=colour, alpha=0.2, linewidth=0)
         axes.set_title(title, fontsize=10)
         axes.set_xlabel("learning steps")
+        axes.xaxis.set_major_formatter("{x:,.0f}")
+        axes.locator_params(axis="x", nbins=4)
         if axes.lines:
             axes.legend(frameon=False, fontsize=8)
         quiet_grid(axes)
