@@ -22,6 +22,9 @@ important». It leaves adaptive schemes for later. Here two adaptive step sizes 
 compared with the paper's decaying α, in the paper's experiment:
 
 {in_short}
+Doya's meta-learning, which the paper names, has a page of its own:
+[meta_learning.md](meta_learning.md).
+
 `make adaptive` writes this page from result files; no number in it was typed by hand.
 
 ## What is compared

@@ -38,7 +38,9 @@ def changing_figure(changing: Experiment, changes: Mapping[str, Mapping[str, obj
     caption = f"lines: means over α and {over}; dotted: the change"
     figure = new_figure(11.5, 4.4, "Catches before and after the world changes", caption)
     for axes, (name, change) in zip(
-        figure.subplots(1, len(changes), sharey=True), changes.items(), strict=True
+        figure.subplots(1, len(changes), sharey=True, squeeze=False)[0],
+        changes.items(),
+        strict=True,
     ):
         part, labels = changing, []
         for key, value in change.items():
