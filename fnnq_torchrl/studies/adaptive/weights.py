@@ -83,7 +83,8 @@ def weights_part(step_sizes: Experiment, meta: Experiment, car: Experiment) -> P
         Compared.of(car.where("trace", trace), car_lam, "constant", REWARD)
         for trace in ("replacing", "dutch")
     ]
-    conclusions = [
+    conclusions = [_alpha_matters(name, compared) for name, compared in ball.items()]
+    conclusions += [
         f"With a step size for each weight and {name}, {in_short(compared)}{of_sarsa}"
         for name, (first, second) in ball.items()
         for compared, of_sarsa in ((first, ""), (second, " Both are true online Sarsa(λ)."))
@@ -113,6 +114,18 @@ def weights_part(step_sizes: Experiment, meta: Experiment, car: Experiment) -> P
         car=_both(on_car),
     )
     return Part(conclusions, text)
+
+
+def _alpha_matters(name: str, compared: list[Compared]) -> str:
+    """Return a sentence on how much the choice of α matters to each rule."""
+    rules, sarsa = (
+        ", ".join(f"{value_words(key)} {of.spread.value:.2f}" for key, of in each.schemes.items())
+        for each in compared
+    )
+    return (
+        f"From the best α to the worst, the score on the ball falls by (in catches, with {name}): "
+        f"{rules}. Of true online Sarsa(λ): {sarsa}."
+    )
 
 
 def _both(compared: list[Compared]) -> str:
