@@ -201,9 +201,10 @@ def _write_evaluations(path: Path, done: Sequence[_Finished], keys: Sequence[str
     A run that several jobs have is in the rows of the first of them.
     """
     further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # already columns
-    names = [f"config.{key}" if key in EVALUATION_COLUMNS else key for key in further]
+    # A swept key, such as alpha, keeps its name.
+    columns = [f"current_{name}" if name in further else name for name in EVALUATION_COLUMNS]
     with atomic_write(path) as file:
-        file.write(_row([*EVALUATION_COLUMNS, *names]).encode())
+        file.write(_row([*columns, *further]).encode())
         for each in done:
             job, seeds = each.job, {*map(str, each.seeds)}
             values = {**job.overrides, "job": job.number}

@@ -1,6 +1,5 @@
 """Results as a pandas frame, in Python."""
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,8 +32,8 @@ def load_results(
         A frame with the column ``job``, the job's directory, and a column for each key in which the
         configurations differ, by its full name such as ``env.speed_mps``. Then, for a row for each
         run: ``seed``, ``diverged`` and each of `MEASURES`; for a row for each evaluation:
-        ``score`` and the columns of evaluations.csv. A key with the name of one of these columns
-        becomes ``config.…``, as in the evaluations.csv of a sweep.
+        ``score`` and the columns of evaluations.csv. Where a key differs, such as ``alpha``, the
+        column of the current value is ``current_alpha``, as in the evaluations.csv of a sweep.
 
     Raises:
         ModuleNotFoundError: if pandas isn't installed.
@@ -49,24 +48,20 @@ def load_results(
     parts = [part for each in results.configurations for part in each.parts if part.seeds]
     frames = []
     for part in parts:
-        found = columns(part)
-        frames.append(pandas.DataFrame(_settings(part, results, found) | found))
+        settings = _settings(part, results)
+        found = {
+            # λ is the same in both.
+            f"current_{name}" if name in settings and name != "lam" else name: column
+            for name, column in columns(part).items()
+        }
+        frames.append(pandas.DataFrame(settings | found))
     return pandas.concat(frames, ignore_index=True)
 
 
-def _settings(part: Part, results: Results, columns: Iterable[str]) -> dict[str, Any]:
-    """Return the part's directory and its values of the varied keys.
-
-    Args:
-        part: the part.
-        results: the results, which have the varied keys.
-        columns: the names of the other columns.
-    """
-    job, taken = part.job, {*columns} - {"lam"}  # λ is the same in both
-    settings = {
-        f"config.{key}" if key in taken else key: _cell(job.settings[key]) for key in results.varied
-    }
-    return {"job": str(job.directory), **settings}
+def _settings(part: Part, results: Results) -> dict[str, Any]:
+    """Return the part's directory and its values of the varied keys."""
+    settings = {key: _cell(part.job.settings[key]) for key in results.varied}
+    return {"job": str(part.job.directory), **settings}
 
 
 def _cell(value: Any) -> Any:
