@@ -11,7 +11,7 @@ from fnnq_torchrl.studies.rules.job import read_job
 from fnnq_torchrl.studies.statistics import bootstrap_interval, paired_difference
 from fnnq_torchrl.training.results import CONFIDENCE, FINAL_EVALUATIONS, Evaluations
 
-from .rules import BALL, PARTLY, Advice, Steps, by_distance, outcomes, read_rules
+from .rules import BALL, PARTLY, Advice, by_distance, outcomes, read_rules
 
 _SONAR = "value.inputs.sonar_front_m"
 
@@ -60,27 +60,31 @@ Not quite. Both played the test after the last situation, with λ = {lam:g} and 
 {tests} situations, so many ended in
 
 {faithfulness}
-The distilled controller blends its rules by their firing strengths. The labels *near* and *far*
-overlap, and in between, the rules to avoid something and the rules to follow the ball often cancel
-out. The learned controller blends values instead, and the values of the rules for *near* differ
-more from action to action than those for *far*. So they decide even if they fire weakly, and the
-robot turns away in time. The figures agree with this: the distilled controller steers to the other
-side than the learned one in {partly} % of the steps in which something is partly near (the rules
-for *near* fire between {least:.0%} and {greatest:.0%}), but in {otherwise} % of the other steps.
+In the learned rules, something near decides early, even while its rules fire weakly. In the
+distilled controller, a rule counts only as much as it fires. So in between, the rules that avoid
+something and the rules that follow the ball cancel out, and the robot turns away too late.
+
+The steps of the learned controllers show this. In the steps in which the rules about something near
+fire with a share of {least:.0%} to {greatest:.0%},
+
+* the distilled controller steers to the other side than the learned one in {partly} %
+  (in the other steps: {otherwise} %);
+* where it does, the learned one steers as the rules about something near say in {as_near} %.
 
 ### What the distilled controllers say
 
-The table shows the action label that most of the {runs} distilled controllers name. Each sonar has
-two labels, near and far. Brackets have the share of the controllers that name this label. The last
-column has the steps of a run's test (of {steps:.0f}) in which these rules fire: the sum of their
-firing strengths.
+The table shows the action label that is named most often by the {runs} distilled controllers, one
+for each run, and in brackets the share of the controllers that name it. Each sonar has two labels,
+near and far. The last column has the steps of a run's test (of {steps:.0f}) in which these rules
+fire: the sum of their firing strengths.
 
 {rules}
-If something is near on two sides, most of the distilled controllers say:
+Read aloud, the rules for two near obstacles are:
 
 {aloud}
-The runs agree if something is near on one side: they turn away from it. They disagree if something
-is near on two sides. That is rare, and rules that hardly ever fire have learned little.
+The runs agree if something is near on the left or on the right: they turn away from it. They agree
+less if it is in front, where either side may do, and if something is near on two sides. The latter
+is rare, and rules that hardly ever fire have learned little.
 
 ## What was tried
 
@@ -161,8 +165,9 @@ def write_page(experiment: Experiment) -> str:
                 ],
             ],
         ),
-        partly=_percent(partly),
-        otherwise=_percent(otherwise),
+        partly=_percent(partly.opposite, partly.all),
+        as_near=_percent(partly.as_near, partly.opposite),
+        otherwise=_percent(otherwise.opposite, otherwise.all),
         least=PARTLY[0],
         greatest=PARTLY[1],
         steps=sum(each.steps for each in advice),
@@ -217,8 +222,8 @@ def _mean_words(numbers: NDArray[np.float64]) -> str:
     return interval_words(bootstrap_interval(np.mean, numbers))
 
 
-def _percent(steps: Steps) -> str:
-    return interval_words(bootstrap_interval(_ratio, 100 * steps.opposite, steps.all))
+def _percent(some: NDArray[np.float64], all_: NDArray[np.float64]) -> str:
+    return interval_words(bootstrap_interval(_ratio, 100 * some, all_))
 
 
 def _difference(job: Job, reference: Job, name: str) -> str:

@@ -15,8 +15,8 @@ SIDES = "front", "left", "right"
 BALL = "far left", "left", "ahead", "right", "far right"
 """The places of the ball, one for each label of the bearing, from left to right."""
 
-PARTLY = 0.1, 0.9
-"""Something is partly near if the firing strengths of the rules about it add up to these shares."""
+PARTLY = 0.1, 0.5
+"""Something is partly near if the rules about it fire with a share between these two."""
 
 Numbers = NDArray[np.float64]
 
@@ -55,10 +55,13 @@ class Steps(NamedTuple):
     """Steps of the learned controllers in the test, each ``[runs]``.
 
     Attributes:
+        as_near: the number of the opposite steps in which the learned controller steers to the side
+            that the distilled rules about something near name.
         opposite: the number of steps in which the distilled controller steers to the other side.
         all: the number of steps.
     """
 
+    as_near: Numbers
     opposite: Numbers
     all: Numbers
 
@@ -111,19 +114,27 @@ def outcomes(played: Replay, collision_reward: float) -> Outcomes:
 
 def by_distance(compared: Comparison) -> tuple[Steps, Steps]:
     """Return the steps in which something is partly near, and the other steps."""
-    order = _order(compared)
+    axes = [0, *(axis + 1 for axis in _order(compared))]
     counts = []
     for run, controller in enumerate(compared.controllers):
         states, actions = compared.learned.visited(run)
-        firing = controller.distilled.firing(states).permute(0, *(axis + 1 for axis in order))
-        near = 1 - firing[:, :, 1, 1, 1].sum(-1)
+        system = controller.distilled
+        parts = (system.firing(states) * system.consequents).permute(axes)
+        fires = system.firing(states).permute(axes)
+        near = 1 - fires[:, :, 1, 1, 1].sum(-1)
+        steers = parts.flatten(1).sum(-1)
+        about_near = steers - parts[:, :, 1, 1, 1].sum(-1)
+        opposite = steers * actions < 0
+        as_near = opposite & (about_near * actions > 0)
         partly = (near > PARTLY[0]) & (near < PARTLY[1])
-        opposite = controller.distilled.evaluate(states) * actions < 0
         counts.append(
-            [each.sum() for each in (opposite & partly, partly, opposite & ~partly, ~partly)]
+            [
+                [int((which & chosen).sum()) for which in (as_near, opposite, partly | ~partly)]
+                for chosen in (partly, ~partly)
+            ]
         )
-    partly_opposite, partly_all, else_opposite, else_all = np.array(counts, dtype=np.float64).T
-    return Steps(partly_opposite, partly_all), Steps(else_opposite, else_all)
+    partly_counts, other_counts = np.array(counts, dtype=np.float64).transpose(1, 2, 0)
+    return Steps(*partly_counts), Steps(*other_counts)
 
 
 def _order(compared: Comparison) -> list[int]:
