@@ -39,7 +39,7 @@ reproduction: install  ## docs/reproduction.md: the paper's claims over 10,000 s
 	for name in traces decay exploration variants open_choices; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction
 
-adaptive: install  ## docs/adaptive.md: adaptive step sizes over 1,000 seeds (SEEDS=22: fewer), a perceptron over 100; takes twenty minutes
+adaptive: install  ## docs/adaptive.md: adaptive step sizes over 1,000 seeds (SEEDS=22: fewer), a perceptron over 100; takes forty minutes
 	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
 	$(EXPERIMENT) +experiment=stability
 	for name in step_sizes meta_step_sizes; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
