@@ -42,7 +42,9 @@ def test_holds_the_packages_and_the_configuration(wheel: Path) -> None:
             ("envs", "py.typed"),
             ("fnnq_torchrl", "*.py"),
             ("fnnq_torchrl", "py.typed"),
-            ("fnnq_torchrl/studies/play", "play.*"),
+            ("fnnq_torchrl/studies", "*.js"),
+            ("fnnq_torchrl/studies", "*.css"),
+            ("fnnq_torchrl/studies", "*.html"),
             ("hydra_plugins", "*.py"),
             ("conf", "*.*"),
         )

@@ -19,6 +19,7 @@ from fnnq_torchrl.training.pictures.curve import Curve
 from fnnq_torchrl.training.pictures.words import key_words, setting_words
 from fnnq_torchrl.training.results import (
     EVALUATION_COLUMNS,
+    PARAMETERS,
     Summary,
     evaluation_columns,
     read_evaluations,
@@ -201,10 +202,14 @@ def _write_evaluations(path: Path, done: Sequence[_Finished], keys: Sequence[str
     A run that several jobs have is in the rows of the first of them.
     """
     further = ["job", *(key for key in keys if key not in ("seed", "lam"))]  # already columns
-    # A swept key, such as alpha, keeps its name.
-    columns = [f"current_{name}" if name in further else name for name in EVALUATION_COLUMNS]
+    # A run's current value of a swept key, such as alpha, has a name of its own.
+    columns = [
+        f"current_{name}" if name in further and name in PARAMETERS else name
+        for name in EVALUATION_COLUMNS
+    ]
+    names = [f"config.{key}" if key in columns else key for key in further]
     with atomic_write(path) as file:
-        file.write(_row([*columns, *further]).encode())
+        file.write(_row([*columns, *names]).encode())
         for each in done:
             job, seeds = each.job, {*map(str, each.seeds)}
             values = {**job.overrides, "job": job.number}

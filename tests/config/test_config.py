@@ -159,7 +159,8 @@ def test_every_shipped_yaml_composes(choice):
 
 @pytest.mark.parametrize("name", choices_of("tuned"))
 def test_a_tuned_file_is_that_of_a_task_and_a_value_function(name):
-    task, _, value = name.rpartition("_")
+    value = next(each for each in VALUES if name.endswith(f"_{each}"))
+    task = name.removesuffix(f"_{value}")
     tuned = yaml.safe_load((CONF / "tuned" / f"{name}.yaml").read_text())
     words = [f"task={task}", f"value={value}"]
     if task == "torchrl":
@@ -355,12 +356,12 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         ),
         (
             ["step_size=idbd", "value=mlp"],
-            "value.kind=mlp: must be fnnq, fnnq_sum, rbf, table or tiles, whose Q is linear in its "
-            "weights, with step_size=idbd",
+            "value.kind=mlp: must be fnnq, fnnq_sum, fuzzy_q, rbf, table, tiles or tiles_sum, "
+            "whose Q is linear in its weights, with step_size=idbd",
         ),
         (
             ["step_size=swift", "value.learn_memberships=true"],
-            "value.learn_memberships=True: must be false with step_size=swift",
+            "value.learn_memberships=true: must be false with step_size=swift",
         ),
         (["step_size=tidbd", "alpha=0"], "alpha=0.0: must be above 0 with step_size=tidbd"),
         (

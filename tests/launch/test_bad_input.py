@@ -161,7 +161,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
             2,
             f"nan/fig2_large/2026-01-02_03-04-05/0/{NO_NUMBER}'nan' …",
         ),
-        "adaptive --results nan": (1, f"nan/adaptive/2026-01-02_03-04-05/0/{NO_NUMBER}'nan' …"),
+        "adaptive --results nan": (2, f"nan/adaptive/2026-01-02_03-04-05/0/{NO_NUMBER}'nan' …"),
         "extrapolation --results nan": (
             2,
             f"nan/value_functions/2026-01-02_03-04-05/0/{NO_NUMBER}'nan' …",
@@ -174,8 +174,8 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train -m hydra.sweep.dir=file/sweep": (1, "file/sweep: Not a directory"),
         "figures fig2 --results nowhere": (2, f"nowhere/fig2 {NO_RESULTS}fig2"),
         "reproduction --results nowhere": (2, f"nowhere/fig2_large {NO_RESULTS}fig2_large"),
-        "prior --results nowhere": (1, f"nowhere/prior {NO_RESULTS}prior"),
-        "adaptive --results nowhere": (1, f"nowhere/adaptive {NO_RESULTS}adaptive"),
+        "prior --results nowhere": (2, f"nowhere/prior {NO_RESULTS}prior"),
+        "adaptive --results nowhere": (2, f"nowhere/adaptive {NO_RESULTS}adaptive"),
         "extrapolation --results nowhere": (
             2,
             f"nowhere/value_functions {NO_RESULTS}value_functions",
@@ -191,7 +191,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         ),
         "figures fig2 --results another": (2, f"another/fig2 {NO_RESULTS}fig2"),
         "reproduction --results another": (2, f"another/fig2_large {NO_RESULTS}fig2_large"),
-        "adaptive --results another": (1, f"another/adaptive {NO_RESULTS}adaptive"),
+        "adaptive --results another": (2, f"another/adaptive {NO_RESULTS}adaptive"),
         "extrapolation --results another": (
             2,
             f"another/value_functions {NO_RESULTS}value_functions",
@@ -230,7 +230,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
         "train -m hydra.sweep.dir=damaged": (2, "…/damaged/0/training.pt is damaged, or …"),
         "figures fig2 --results torn": (2, f"torn/fig2/2026-01-02_03-04-05/0/{TORN}"),
         "reproduction --short --results torn": (2, f"torn/fig2/2026-01-02_03-04-05/0/{TORN}"),
-        "adaptive --results torn": (1, f"torn/adaptive/2026-01-02_03-04-05/0/{TORN}"),
+        "adaptive --results torn": (2, f"torn/adaptive/2026-01-02_03-04-05/0/{TORN}"),
         "extrapolation --results torn": (
             2,
             f"torn/value_functions/2026-01-02_03-04-05/0/{TORN}",
@@ -258,7 +258,7 @@ TABLE: dict[str, dict[str, tuple[int, str]]] = {
             2,
             f"huge/fig2_large/2026-01-02_03-04-05/0/{NO_NUMBER}'100…",
         ),
-        "adaptive --results huge": (1, f"huge/adaptive/2026-01-02_03-04-05/0/{NO_NUMBER}'100…"),
+        "adaptive --results huge": (2, f"huge/adaptive/2026-01-02_03-04-05/0/{NO_NUMBER}'100…"),
         "extrapolation --results huge": (
             2,
             f"huge/value_functions/2026-01-02_03-04-05/0/{NO_NUMBER}'100…",

@@ -40,7 +40,7 @@ def test_every_key_of_the_learner_and_the_runs_is_there_with_its_default(page: s
         "λ in [0, 1]; a step decays the trace by γλ.",  # after the key
         "boltzmann: a candidate with",  # above the key
         "seconds from one save to the next",
-        "value=                     fnnq, fnnq_sum, fuzzy_q, mlp, rbf, table, tiles, tiles_sum",
+        "value=                     fnnq, fnnq_sum, fuzzy_q, mlp, rbf, table,",
         "+experiment=               adaptive, best_exploration",
     ],
 )

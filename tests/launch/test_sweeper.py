@@ -37,6 +37,19 @@ EXPERIMENTS = {
     "sutton_barto_12_6": 2 * 3 * 10 + 3 * 2 * 10,
     "sutton_barto_12_10": 4 * 7,
     "sutton_barto_12_11": 3 * 4 + 3,
+    "best_exploration": 9 + 9,
+    "chain": 4 * 6 * 2,
+    "changing_ball": 2 * 7 * 3,
+    "doya": 2 * 3 * 2 + 2,
+    "meta_learning": 8 * 10,
+    "step_sizes": 2 * 8 * 6,
+    "meta_step_sizes": 2 * 5 * 4,
+    "step_sizes_car": 7 * 4,
+    "sensitivity": 2 * 2 * 3 * 5,
+    "sensitivity_values": 2 * 3 * 3,
+    "two_states": 24,
+    "values": 20,
+    "values_sweep": 312,
 }
 
 

@@ -33,7 +33,8 @@ def test_a_step_after_long_at_one_pair_is_as_large_as_derived(trace: str, decay:
     e = torch.zeros_like(gradient)
     for _ in range(300):
         rule = Rule(trace=trace)
-        [(direction, e)] = rule.update([e], [gradient], one, one, decays, None, one)
+        credit = rule.credit(one, one, decays, None, one)
+        [(direction, e)] = rule.trace.update([e], [gradient], credit)
     alpha = 0.4
     moved = alpha * (direction * gradient).sum(0)  # the movement of Q(s, a) for an error of 1
     expected = effective_step(gradient.square().sum(0), alpha, decays, trace)

@@ -10,7 +10,8 @@ from benchmarks.peers.page import _TEMPLATE as PEERS
 from fnnq_torchrl.studies.adaptive.page import _PAGE as ADAPTIVE
 from fnnq_torchrl.studies.extrapolation.page import _PAGE as EXTRAPOLATION
 from fnnq_torchrl.studies.memberships.page import _PAGE as MEMBERSHIPS
-from fnnq_torchrl.studies.reproduction.page import _BEGINNING, _READINGS
+from fnnq_torchrl.studies.reproduction.page import _BEGINNING
+from fnnq_torchrl.studies.reproduction.readings import _READINGS
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -131,6 +131,8 @@ def test_every_key_is_read_by_something(monkeypatch):
     trainer.learn()
     trainer.evaluate()
 
+    scheme = ("adaptive=doya", "exploration=boltzmann", "step_size=constant")
+    Trainer.of(load_config("situations=5", "env=follow_one_side", *scheme)).make_learner(lanes=1)
     read |= {(Config, key) for key in ASIDE}  # read by the job (tested below) and by the loggers
     assert read == {(schema, name) for schema in SCHEMAS for name in names_of(schema)}
 

@@ -55,7 +55,8 @@ def chain_figure(experiment: Experiment) -> Figure:
             "accumulating trace" if trace == "gradient" else setting_words("trace", trace)
         )
         quiet_grid(axes)
-    row[0].set_ylabel("steps to learn")
+    for axes in row:
+        axes.set_ylabel("steps to learn")
     figure.draw_without_rendering()
     for axes in row:
         label_ends(axes, [setting_words("lam", lam) for lam in lams])

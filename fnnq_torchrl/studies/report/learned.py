@@ -65,7 +65,8 @@ def rules_of(directory: Path, seed: int, config: Config, *, own: bool) -> Chosen
         Missing: if the value function has no rules.
     """
     if config.value.kind not in KINDS:
-        known = " and ".join(KINDS)
+        *others, last = KINDS
+        known = f"{', '.join(others)} and {last}"
         raise Missing(f"value={config.value.kind} has no rules; {known} have.")
     return choose(read_job(directory, own=own), str(seed))
 

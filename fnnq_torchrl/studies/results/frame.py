@@ -8,7 +8,7 @@ import numpy as np
 from fnnq_torchrl.config.extras import installing
 from fnnq_torchrl.studies.measures import MEASURES
 from fnnq_torchrl.studies.results.collect import Part, Results, collect
-from fnnq_torchrl.training.results import EVALUATION_COLUMNS
+from fnnq_torchrl.training.results import EVALUATION_COLUMNS, PARAMETERS
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -32,8 +32,9 @@ def load_results(
         A frame with the column ``job``, the job's directory, and a column for each key in which the
         configurations differ, by its full name such as ``env.speed_mps``. Then, for a row for each
         run: ``seed``, ``diverged`` and each of `MEASURES`; for a row for each evaluation:
-        ``score`` and the columns of evaluations.csv. Where a key differs, such as ``alpha``, the
-        column of the current value is ``current_alpha``, as in the evaluations.csv of a sweep.
+        ``score`` and the columns of evaluations.csv. If a key such as ``alpha`` differs, the column
+        of its current value is ``current_alpha``; another key with the name of a column, such as
+        ``situations``, becomes ``config.situations``. The evaluations.csv of a sweep does the same.
 
     Raises:
         ModuleNotFoundError: if pandas isn't installed.
@@ -50,11 +51,12 @@ def load_results(
     for part in parts:
         settings = _settings(part, results)
         found = {
-            # λ is the same in both.
-            f"current_{name}" if name in settings and name != "lam" else name: column
+            f"current_{name}" if name in settings and name in PARAMETERS else name: column
             for name, column in columns(part).items()
         }
-        frames.append(pandas.DataFrame(settings | found))
+        taken = found.keys() - {"lam"}  # λ is the same in both
+        named = {f"config.{key}" if key in taken else key: value for key, value in settings.items()}
+        frames.append(pandas.DataFrame(named | found))
     return pandas.concat(frames, ignore_index=True)
 
 

@@ -43,7 +43,7 @@ def walks(world: RandomWalkConfig, seeds: NDArray[np.int64], episodes: int) -> l
     """
     env = make_world(world, [len(seeds)], seed=0)
     found = []
-    seed = torch.from_numpy(seeds).unsqueeze(-1)
+    seed = torch.from_numpy(seeds.copy()).unsqueeze(-1)
     for episode in range(episodes):
         state = env.start(seed, torch.full_like(seed, episode))
         walking = torch.ones(len(seeds), dtype=torch.bool)

@@ -228,7 +228,7 @@ def test_a_run_directory_puts_no_script_into_the_page(copy: Path) -> None:
 def test_parts_that_are_missing_say_why(tmp_path: Path) -> None:
     overrides = "value=mlp", "evaluation=none", "num_seeds=1"
     text = text_of(train_job(tmp_path / "mlp", *FEW, *SMALL_WORLD, *overrides))
-    assert "value=mlp has no rules; fnnq and fnnq_sum have." in text
+    assert "value=mlp has no rules; fnnq, fnnq_sum and fuzzy_q have." in text
     assert "The job plays no tests (evaluation=none)" in text
     assert "train with checkpoint.snapshots=true" in text
     assert "One run, so there is no interval." in text
@@ -241,7 +241,7 @@ def test_a_world_without_a_drawing_is_replayed_in_numbers(tmp_path: Path) -> Non
     text = text_of(train_job(tmp_path / "car", *FEW, *overrides))
     replay = data_of(text)["replay"]
     assert "There is no picture: " in text
-    assert "isn&#39;t a world of the robot" in text
+    assert "Only the robot&#39;s worlds are drawn here" in text
     assert replay["films"] is None
     assert len(replay["told"]) == page.drives._SITUATIONS
     assert 'id="world"' not in text

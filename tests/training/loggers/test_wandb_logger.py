@@ -54,7 +54,8 @@ def logged(job: Job) -> list[WandbRun]:
 def rows_of_csv(job: Job) -> list[dict[str, float]]:
     with open(job.directory / "evaluations.csv", newline="") as file:
         return [
-            {key: json.loads(value) for key, value in row.items()} for row in csv.DictReader(file)
+            {key: json.loads(value) for key, value in row.items() if value != "nan"}
+            for row in csv.DictReader(file)
         ]
 
 
