@@ -29,6 +29,8 @@ from fnnq_torchrl.studies.reproduction.verdicts import Verdict, verdict
 from fnnq_torchrl.studies.statistics import Interval
 from tests.small_world_files import RUNS
 
+pytestmark = pytest.mark.long  # the results of all experiments are invented first
+
 
 @pytest.fixture(scope="module")
 def general(experiments: dict[str, Experiment]) -> dict[str, Experiment]:
