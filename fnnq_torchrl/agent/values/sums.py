@@ -1,6 +1,6 @@
 """Q(s, a) as a sum of value networks, each over some of the inputs."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Self, cast
 
 from torch import Tensor, nn
@@ -68,16 +68,7 @@ class FNNQSumValue(SumValue):
         runs: int = 1,
         **others: Any,
     ) -> None:
-        parts = (
-            FNNQValue(
-                {name: inputs[name] for name in names},
-                action,
-                candidates.clone(),  # because a compiled loop allows no aliases
-                runs=runs,
-                **others,
-            )
-            for names in rules
-        )
+        parts = _parts(FNNQValue, inputs, action, rules, candidates, runs=runs, **others)
         super().__init__([*inputs], candidates, parts)
 
     @classmethod
@@ -118,16 +109,7 @@ class TilesSumValue(SumValue):
         runs: int = 1,
         **others: Any,
     ) -> None:
-        parts = (
-            TilesValue(
-                {name: inputs[name] for name in names},
-                action,
-                candidates.clone(),  # because a compiled loop allows no aliases
-                runs=runs,
-                **others,
-            )
-            for names in groups
-        )
+        parts = _parts(TilesValue, inputs, action, groups, candidates, runs=runs, **others)
         super().__init__([*inputs], candidates, parts)
 
     @classmethod
@@ -148,3 +130,18 @@ class TilesSumValue(SumValue):
         counts = [part.shared() for part in cast(Iterable[TilesValue], self.parts)]
         tiles, weights, pairs = (sum(each) for each in zip(*counts, strict=True))
         return tiles, weights, pairs
+
+
+def _parts(
+    make: Callable[..., ValueNetwork],
+    inputs: Mapping[str, Any],
+    action: Any,
+    groups: Sequence[Sequence[str]],
+    candidates: Tensor,
+    **others: Any,
+) -> Iterator[ValueNetwork]:
+    """Yield a network for each group of inputs, made from the inputs of the group."""
+    for names in groups:
+        of_group = {name: inputs[name] for name in names}
+        # Each part has its own candidates, because a compiled loop allows no aliases.
+        yield make(of_group, action, candidates.clone(), **others)

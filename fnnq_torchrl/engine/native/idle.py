@@ -102,7 +102,7 @@ def idle_rows(loop: Loop, nests: Nests) -> IdleRows | None:
 
 
 class _AtRestIn:
-    """What each expression of a row is if one leaf's numbers in the row are zero."""
+    """The values of a row's expressions if one leaf's numbers in the row are zero."""
 
     def __init__(self, axes: tuple[Axis, ...], writes: Sequence[Write], leaf: int) -> None:
         self._axes = axes

@@ -31,7 +31,7 @@ class Walk:
 
     @property
     def walking(self) -> NDArray[np.bool_]:
-        """Whether a run was still walking, ``[longest, runs]``."""
+        """True where a run was still walking, bool ``[longest, runs]``."""
         return self.places > 0
 
 
