@@ -47,7 +47,7 @@ general-claims: install  ## the second part of docs/reproduction.md alone: what 
 	for name in $(GENERAL); do $(EXPERIMENT) +experiment=$$name || exit; done
 	$(BIN)/python -m fnnq_torchrl.reproduction --general
 
-adaptive: install  ## docs/adaptive.md and docs/meta_learning.md: adaptive parameters over 1,000 seeds (SEEDS=22: fewer); takes forty minutes
+adaptive: install  ## docs/adaptive.md and docs/meta_learning.md: adaptive parameters over 1,000 seeds (SEEDS=22: fewer)
 	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
 	$(EXPERIMENT) +experiment=stability
 	for name in step_sizes meta_step_sizes; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
@@ -84,14 +84,14 @@ textbook: install  ## docs/textbook.md: figures of Sutton and Barto's book, 1,00
 	$(BIN)/python -m fnnq_torchrl.textbook
 
 # The licence of the authors' program allows running it, but not a copy of it in this repository.
-stream-q: install  ## docs/stream_q.md: Stream Q(λ), ours beside its authors' program, which git fetches (takes an hour)
+stream-q: install  ## docs/stream_q.md: Stream Q(λ), ours beside its authors' program, which git fetches
 	-@test -d $(STREAM) || git clone -q https://github.com/mohmdelsayed/streaming-drl $(STREAM)
 	-@git -C $(STREAM) checkout -q 407dca7
 	$(EXPERIMENT) +experiment=stream_q
 	$(EXPERIMENT) task=follow evaluation=none evaluation.every=20 situations=1000 num_seeds=100 hydra.run.dir=outputs/stream_q_fuzzy
 	$(BIN)/python -m benchmarks.stream_q
 
-values: install  ## docs/value_functions.md: value functions on the classic worlds, 100 seeds (takes twenty minutes)
+values: install  ## docs/value_functions.md: value functions on the classic worlds, 100 seeds
 	$(EXPERIMENT) +experiment=values_sweep
 	$(EXPERIMENT) +experiment=values
 	$(BIN)/python -m fnnq_torchrl.values
