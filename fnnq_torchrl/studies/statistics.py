@@ -2,6 +2,8 @@
 
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -120,21 +122,46 @@ def improvement(ours: ArrayLike, theirs: ArrayLike, axis: int = -1) -> Any:
     return (ranks[..., :n].sum(-1) - n * (n + 1) / 2) / (n * m)
 
 
-class Difference(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Difference:
     """The difference of two configurations' scores over the same seeds.
 
+    Each number is computed when it is asked for, since bootstraps take time.
+
     Attributes:
-        mean: the mean of the runs' differences, in the unit of the scores.
-        effect: the mean difference in standard deviations of the runs' differences.
-        improvement: the probability that a run of the first configuration scores more than a run
-            of the second (`improvement`).
-        runs_needed: the number of seeds needed to see such a difference (`runs_needed`).
+        ours, theirs: each run's score, ``[runs]``, with the same seeds in the same order.
+        confidence: the confidence level of both intervals, and of ``runs_needed``.
+        seed: the seed of the bootstrap's resampling.
     """
 
-    mean: Interval
-    effect: float
-    improvement: Interval
-    runs_needed: float
+    ours: NDArray[np.float64]
+    theirs: NDArray[np.float64]
+    confidence: float
+    seed: int
+
+    @cached_property
+    def mean(self) -> Interval:
+        """The mean of the runs' differences, in the unit of the scores."""
+        return bootstrap_interval(
+            np.mean, self.ours - self.theirs, confidence=self.confidence, seed=self.seed
+        )
+
+    @cached_property
+    def improvement(self) -> Interval:
+        """The probability that a run of ours scores more than a run of theirs (`improvement`)."""
+        return bootstrap_interval(
+            improvement, self.ours, self.theirs, confidence=self.confidence, seed=self.seed
+        )
+
+    @property
+    def effect(self) -> float:
+        """The mean difference in standard deviations of the runs' differences."""
+        return standardised(self.ours - self.theirs)
+
+    @property
+    def runs_needed(self) -> float:
+        """The number of seeds needed to see such a difference (`runs_needed`)."""
+        return runs_needed(self.effect, self.confidence)
 
 
 def paired_difference(
@@ -151,15 +178,12 @@ def paired_difference(
         ValueError: if there are no runs, or the two numbers of runs differ.
     """
     ours, theirs = np.asarray(ours, np.float64), np.asarray(theirs, np.float64)
-    if ours.shape != theirs.shape:
+    if ours.shape != theirs.shape or not ours.size:
         raise ValueError(
-            f"ours {list(ours.shape)} and theirs {list(theirs.shape)} must have the same shape"
+            f"ours {list(ours.shape)} and theirs {list(theirs.shape)} must have the same shape, "
+            "with at least one run"
         )
-    differences = ours - theirs
-    mean = bootstrap_interval(np.mean, differences, confidence=confidence, seed=seed)
-    better = bootstrap_interval(improvement, ours, theirs, confidence=confidence, seed=seed)
-    effect = standardised(differences)
-    return Difference(mean, effect, better, runs_needed(effect, confidence))
+    return Difference(ours, theirs, confidence, seed)
 
 
 class Chosen(NamedTuple):

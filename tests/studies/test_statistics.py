@@ -194,11 +194,12 @@ def test_a_difference_of_normal_scores_is_as_in_closed_form() -> None:
     shared = rng.normal(size=runs)
     ours = 0.5 + shared + rng.normal(size=runs)
     theirs = shared + rng.normal(size=runs)
-    mean, effect, better, _ = paired_difference(ours, theirs)
+    difference = paired_difference(ours, theirs)
+    mean, better = difference.mean, difference.improvement
     assert mean.low < 0.5 < mean.high
     # The shared part cancels in the pairs, so the interval is ±1.96·√2/√n.
     assert mean.high - mean.low == pytest.approx(2 * 1.96 * np.sqrt(2 / runs), rel=0.1)
-    assert effect == pytest.approx(0.5 / np.sqrt(2), abs=0.05)
+    assert difference.effect == pytest.approx(0.5 / np.sqrt(2), abs=0.05)
     # For two independent runs the difference has the variance 4.
     assert better.low < scipy.stats.norm.cdf(0.5 / 2) < better.high
 
