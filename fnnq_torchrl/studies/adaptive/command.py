@@ -18,7 +18,7 @@ def main() -> None:
         adaptive, stability, *of_weights = (
             newest_experiment(arguments.results, name) for name in names
         )
-        text = write_page(adaptive, stability, [weights_part(*of_weights)])
+        text = write_page(adaptive, stability, weights_part(*of_weights))
         drawn = {"adaptive": adaptive, "stability": stability, "step_sizes": of_weights[0]}
         draw(drawn, arguments.to / "figures")
         page = arguments.to / "adaptive.md"

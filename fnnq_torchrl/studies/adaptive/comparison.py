@@ -1,4 +1,4 @@
-"""Step sizes compared with a reference, each over a range of α: sentences and tables."""
+"""Step sizes compared with a reference, each over a range of α."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.studies.reproduction.claims import Expected
 from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
-from fnnq_torchrl.studies.reproduction.verdicts import MATTERS, Verdict, verdict
+from fnnq_torchrl.studies.reproduction.verdicts import Verdict, verdict
 from fnnq_torchrl.studies.statistics import Interval, bootstrap_interval, paired_difference
 from fnnq_torchrl.training.pictures.words import value_words
 
@@ -65,42 +65,15 @@ class Compared:
         )
 
 
-def in_short(compared: Compared) -> str:
-    """Return the conclusions on all step sizes, without the numbers behind them."""
-    at_best, over_alphas = (
-        _grouped({name: more_or_less(each, compared.unit) for name, each in found.items()})
-        for found in (compared.at_best, compared.over_alphas)
-    )
-    return (
-        f"compared with {value_words(compared.reference)}, each at its best α, {at_best}. "
-        f"Over all α, {over_alphas}."
-    )
-
-
-def _grouped(told: Mapping[str, str]) -> str:
-    """Return a clause for each group of step sizes whose scores have the same words."""
-    parts = []
-    for words in dict.fromkeys(told.values()):
-        *others, last = [value_words(name) for name in told if told[name] == words]
-        names = f"{', '.join(others)} and {last} score" if others else f"{last} scores"
-        parts.append(f"{names} {words}")
-    return "; ".join(parts)
-
-
 def comparison(compared: Compared) -> str:
-    """Return the tables, after a sentence on each step size other than the reference."""
+    """Return the tables of the scores and of the diverged runs."""
     against = f"against {value_words(compared.reference)}"
     head = ["", "before learning", "best α", "there", against, "over all α", against, "spread"]
-    return (
-        "".join(f"* {_sentence(compared, name)}\n" for name in compared.at_best)
-        + "\n"
-        + table(head, [_row(compared, name) for name in compared.schemes])
-        + "\n"
-        + diverged_table(compared.schemes, compared.runs)
-    )
+    rows = [_row(compared, name) for name in compared.schemes]
+    return f"{table(head, rows)}\n{_diverged_table(compared.schemes, compared.runs)}"
 
 
-def diverged_table(schemes: Mapping[str, Scheme], runs: int) -> str:
+def _diverged_table(schemes: Mapping[str, Scheme], runs: int) -> str:
     """Return a table of the diverged runs at each α."""
     if not any(sum(scheme.diverged.values()) for scheme in schemes.values()):
         return "No run diverged.\n"
@@ -112,39 +85,26 @@ def diverged_table(schemes: Mapping[str, Scheme], runs: int) -> str:
     return table([f"diverged, of {runs:,} runs", *alphas], rows)
 
 
-def _sentence(compared: Compared, name: str) -> str:
-    """Return a sentence that compares a step size with the reference."""
-    reference = value_words(compared.reference)
-    ours, theirs = (
-        interval_words(compared.schemes[which].spread) for which in (name, compared.reference)
-    )
-    return (
-        f"**{value_words(name)}** against {reference}: each at its best α, it scores "
-        f"{more_or_less(compared.at_best[name], compared.unit)}; over all α, "
-        f"{more_or_less(compared.over_alphas[name], compared.unit)}. Its spread is {ours} "
-        f"{compared.unit.name}, that of {reference} {theirs}."
-    )
-
-
-def more_or_less(difference: Interval, unit: Unit = CATCHES) -> str:
-    """Return a difference of scores in words, by the rules of `reproduction.verdicts.verdict`."""
-    low, high = (bound * MATTERS / unit.matters for bound in difference[1:])
-    least = f"{unit.matters:g} {unit.name}"
-    if verdict(low, high, Expected.SAME) is Verdict.HOLDS:
-        return f"the same to within {least}"
+def _in_a_word(difference: Interval, unit: Unit) -> str:
+    """Return *more*, *less*, *same* or *open* for a difference of scores, by `verdict`."""
+    _, low, high = difference
+    if verdict(low, high, Expected.SAME, unit.matters) is Verdict.HOLDS:
+        return "same"
     for expected in (Expected.MORE, Expected.LESS):
-        found = verdict(low, high, expected)
+        found = verdict(low, high, expected, unit.matters)
         if found is Verdict.HOLDS:
             return expected.value
         if found is Verdict.BARELY:
-            return f"{expected.value} (perhaps by less than {least})"
-    return "neither clearly more nor less nor the same"
+            return f"slightly {expected.value}"
+    return "open"
 
 
 def _row(compared: Compared, name: str) -> list[str]:
     scheme = compared.schemes[name]
     at_best, over_alphas = (
-        "" if name == compared.reference else interval_words(found[name], signed=True)
+        ""
+        if name == compared.reference
+        else f"{interval_words(found[name], signed=True)} {_in_a_word(found[name], compared.unit)}"
         for found in (compared.at_best, compared.over_alphas)
     )
     return [

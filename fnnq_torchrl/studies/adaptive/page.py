@@ -1,16 +1,15 @@
 """The text of docs/adaptive.md. Every number and verdict in it is computed from results."""
 
-from collections.abc import Sequence
-
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.studies.measures import MEASURES
 from fnnq_torchrl.studies.reproduction.verdicts import MATTERS
 from fnnq_torchrl.training.pictures.words import setting_words, value_words
 from fnnq_torchrl.training.results import CONFIDENCE
 
-from .comparison import Compared, comparison, in_short
-from .part import Part
+from .answer import answer, task_of
+from .comparison import Compared, comparison
 from .scheme import MEASURE, held_back
+from .weights import Weights
 
 PAPERS, CONSTANT = "decay", "constant"
 LAYER_NORM = "value.layer_norm"
@@ -18,10 +17,17 @@ LAYER_NORM = "value.layer_norm"
 _PAGE = """# What adaptive step sizes do
 
 The paper decreases α by a factor after each catch and finds that «the way we decrease α is too
-important». It leaves adaptive schemes for later. Here two adaptive step sizes and a constant α are
-compared with the paper's decaying α, in the paper's experiment:
+important». It leaves adaptive schemes for later. Does one of them free the user of choosing α?
 
-{in_short}
+{answer}
+*Untuned*: the mean score over α from {lowest:g} to {highest:g} (on Mountain Car from
+{car_lowest:g} to {car_highest:g}), evenly on a logarithmic scale. That is what to expect of an α
+that nobody tuned. *Tuned*: the score at the best α, which other seeds have chosen. The ball's
+scores are catches of five. On Mountain Car the score is the reward of an episode, −1 a step.
+
+* **What remains to choose.** {sensitivity}
+* **Perceptrons.** {perceptrons}
+
 Doya's meta-learning, which the paper names, has a page of its own:
 [meta_learning.md](meta_learning.md).
 
@@ -43,7 +49,9 @@ each α. The measure is the {measure}, {meaning}. A run that diverges catches no
   *spread* is the difference between the scores at the best α and at the worst.
 * *Over all α*: the mean over the whole range. It is the score to expect of an α that isn't tuned.
 * Brackets are {confidence:g} % bootstrap intervals (BCa). Differences are between the same seeds.
-* A difference of fewer than {matters} catches, of five, doesn't matter; that is our choice.
+* A difference of fewer than {matters} catches, of five, doesn't matter; that is our choice. *More*
+  and *less* are by at least as much. *Slightly*: there is a difference, but perhaps it is smaller.
+  *Same*: it is surely smaller. *Open*: more runs are needed to tell.
 
 ![Mean score against α](figures/adaptive.png)
 
@@ -59,16 +67,17 @@ is repeated without normalised layers.
 
 ![Mean score of the perceptron against α](figures/stability.png)
 
-{stability}{parts}"""
+{stability}
+{weights}"""
 
 
-def write_page(adaptive: Experiment, stability: Experiment, parts: Sequence[Part] = ()) -> str:
+def write_page(adaptive: Experiment, stability: Experiment, weights: Weights) -> str:
     """Return the text of the page.
 
     Args:
         adaptive: the results of ``+experiment=adaptive``.
         stability: the results of ``+experiment=stability``.
-        parts: further parts of the page, in their order.
+        weights: the part on step sizes for each weight.
 
     Raises:
         NoResults: if a combination of step size, α and λ is missing.
@@ -83,11 +92,13 @@ def write_page(adaptive: Experiment, stability: Experiment, parts: Sequence[Part
         each: Compared.of(stability.where(LAYER_NORM, each), lam, CONSTANT)
         for each in stability.values(LAYER_NORM)
     }
-    conclusions = [
-        *(f"With {setting_words('lam', each)}, {in_short(by_lam[each])}" for each in by_lam),
-        *(f"For {_perceptron(each)}, {in_short(by_norm[each])}" for each in by_norm),
-        *(conclusion for part in parts for conclusion in part.conclusions),
+    tasks = [
+        task_of(f"Ball, {setting_words('lam', each)}", [by_lam[each], rules], true_online)
+        for each, (rules, true_online) in weights.ball.items()
     ]
+    on_car, true_online_on_car = weights.car
+    tasks.append(task_of("Mountain Car", [on_car], true_online_on_car))
+    car_alphas = on_car.schemes[on_car.reference].diverged
     return _PAGE.format(
         lowest=alphas[0],
         highest=alphas[-1],
@@ -98,8 +109,15 @@ def write_page(adaptive: Experiment, stability: Experiment, parts: Sequence[Part
         meaning=measure.meaning,
         confidence=100 * CONFIDENCE,
         matters=MATTERS,
-        in_short="".join(f"* {sentence}\n" for sentence in conclusions),
-        parts="".join(f"\n{part.text}" for part in parts),
+        answer=answer(tasks),
+        car_lowest=min(car_alphas),
+        car_highest=max(car_alphas),
+        sensitivity=weights.sensitivity,
+        perceptrons=" ".join(
+            f"{_perceptron(each)}, {_diverged_in_all(stability.where(LAYER_NORM, each))}"
+            for each in by_norm
+        ),
+        weights=weights.text,
         sections="\n".join(
             f"## With {setting_words('lam', each)}\n\n{comparison(compared)}\n"
             f"{_held_back(adaptive, each)}\n"
@@ -111,15 +129,14 @@ def write_page(adaptive: Experiment, stability: Experiment, parts: Sequence[Part
         stability_lowest=min(stability.values("alpha")),
         stability_highest=max(stability.values("alpha")),
         stability="\n".join(
-            f"### {'With' if each else 'Without'} normalised layers\n\n"
-            f"{_diverged_in_all(stability.where(LAYER_NORM, each))}\n\n{comparison(compared)}"
+            f"### {_perceptron(each)}\n\n{comparison(compared)}"
             for each, compared in by_norm.items()
         ),
     )
 
 
 def _perceptron(normalised: bool) -> str:
-    return f"a multilayer perceptron {'with' if normalised else 'without'} normalised layers"
+    return f"{'With' if normalised else 'Without'} normalised layers"
 
 
 def _diverged_in_all(experiment: Experiment) -> str:
@@ -129,8 +146,8 @@ def _diverged_in_all(experiment: Experiment) -> str:
         runs = [job.evaluations for job in experiment.where("step_size", step_size).jobs]
         diverged = sum(evaluations.diverged_runs for evaluations in runs)
         of_all = sum(evaluations.runs for evaluations in runs)
-        told.append(f"with {value_words(step_size)} {diverged:,} of {of_all:,}")
-    return f"Runs that diverged, over all α: {', '.join(told)}."
+        told.append(f"{diverged:,} of {of_all:,} with {value_words(step_size)}")
+    return f"runs diverged: {', '.join(told)}, over all α."
 
 
 def _held_back(experiment: Experiment, lam: float) -> str:

@@ -25,15 +25,21 @@ class Unit:
         matters: the smallest difference that matters; it is our choice.
         of: a function from evaluations to the runs' scores, ``[runs]``.
         before: the same for the scores before learning; NaN if there are none.
+        digits: the digits after the point that are worth showing.
     """
 
     name: str
     matters: float
     of: Callable[[Evaluations], NDArray[np.float64]]
     before: Callable[[Evaluations], NDArray[np.float64]]
+    digits: int
+
+    def text(self, score: float) -> str:
+        """Return a score or a difference of scores as text, without the unit."""
+        return f"{score:z.{self.digits}f}"
 
 
-CATCHES = Unit("catches", MATTERS, MEASURES[MEASURE].of, lambda each: each.score[:, 0])
+CATCHES = Unit("catches", MATTERS, MEASURES[MEASURE].of, lambda each: each.score[:, 0], 2)
 """The mean score in catches, of five."""
 
 

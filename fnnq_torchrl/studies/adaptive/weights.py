@@ -1,5 +1,7 @@
 """The part of docs/adaptive.md on rules with a step size for each weight."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +16,7 @@ from fnnq_torchrl.studies.statistics import (
 )
 from fnnq_torchrl.training.pictures.words import setting_words, value_words
 
-from .comparison import Compared, comparison, in_short
-from .part import Part
+from .comparison import Compared, comparison
 from .scheme import CATCHES, Unit
 
 REWARD = Unit(
@@ -23,6 +24,7 @@ REWARD = Unit(
     10,
     lambda evaluations: evaluations.returns[:, -1],
     lambda evaluations: evaluations.returns[:, 0],
+    0,
 )
 """The reward of an episode of Mountain Car, which is −1 a step."""
 
@@ -39,8 +41,8 @@ gives a value; here it has that value. The rules are made for a Q that is linear
   it is compared with true online Sarsa(λ) and a constant α. A step corrects at most the share η of
   an error, and no step size is above η = {eta:g}.
 
-Each has α from {lowest:g} to {highest:g} and {runs:,} seeds with each α; best α, scores, intervals
-and differences are as above.
+Each has α from {lowest:g} to {highest:g} and {runs:,} seeds with each α. The best α, scores,
+intervals and differences are as above.
 
 ![Mean score against the α at which the step sizes start](figures/step_sizes.png)
 
@@ -62,7 +64,24 @@ matter; that is our choice. All but Swift-Sarsa have replacing traces.
 {car}"""
 
 
-def weights_part(step_sizes: Experiment, meta: Experiment, car: Experiment) -> Part:
+class Weights(NamedTuple):
+    """The part of the page on step sizes for each weight.
+
+    Attributes:
+        ball: the comparisons on the ball by λ: that of all rules but Swift-Sarsa, and that of
+            Swift-Sarsa with true online Sarsa(λ).
+        car: the same two comparisons on Mountain Car.
+        sensitivity: a sentence on what still has to be chosen.
+        text: the sections in Markdown, with headings of the second level and below.
+    """
+
+    ball: dict[float, tuple[Compared, Compared]]
+    car: tuple[Compared, Compared]
+    sensitivity: str
+    text: str
+
+
+def weights_part(step_sizes: Experiment, meta: Experiment, car: Experiment) -> Weights:
     """Return the part of the page.
 
     Args:
@@ -75,25 +94,14 @@ def weights_part(step_sizes: Experiment, meta: Experiment, car: Experiment) -> P
     """
     peng, sarsa = (step_sizes.where("variant", variant) for variant in ("peng", "sarsa"))
     ball = {
-        f"λ = {lam:g}": [Compared.of(peng, lam, "decay"), Compared.of(sarsa, lam, "constant")]
+        lam: (Compared.of(peng, lam, "decay"), Compared.of(sarsa, lam, "constant"))
         for lam in sorted(step_sizes.values("lam"))
     }
     car_lam = car.values("lam")[0]
-    on_car = [
+    rules, swift = (
         Compared.of(car.where("trace", trace), car_lam, "constant", REWARD)
         for trace in ("replacing", "dutch")
-    ]
-    conclusions = [_alpha_matters(name, compared) for name, compared in ball.items()]
-    conclusions += [
-        f"With a step size for each weight and {name}, {in_short(compared)}{of_sarsa}"
-        for name, (first, second) in ball.items()
-        for compared, of_sarsa in ((first, ""), (second, " Both are true online Sarsa(λ)."))
-    ]
-    conclusions += [
-        f"On Mountain Car by tiles, {in_short(compared)}{of_sarsa}"
-        for compared, of_sarsa in zip(on_car, ("", " Both are true online Sarsa(λ)."), strict=True)
-    ]
-    conclusions.append(_sensitivity(meta))
+    )
     alphas, settings = sorted(step_sizes.values("alpha")), car.jobs[0].settings
     text = _TEXT.format(
         eta=meta.jobs[0].settings["eta"],
@@ -101,7 +109,7 @@ def weights_part(step_sizes: Experiment, meta: Experiment, car: Experiment) -> P
         highest=alphas[-1],
         runs=step_sizes.runs,
         ball="\n".join(
-            f"### On the ball, with {name}\n\n{_both(compared)}" for name, compared in ball.items()
+            f"### On the ball, with λ = {lam:g}\n\n{_both(*of_lam)}" for lam, of_lam in ball.items()
         ),
         alpha=meta.jobs[0].settings["alpha"],
         meta_runs=meta.runs,
@@ -111,27 +119,14 @@ def weights_part(step_sizes: Experiment, meta: Experiment, car: Experiment) -> P
         situations=settings["situations"],
         limit=settings["env.time_limit_steps"],
         car_matters=REWARD.matters,
-        car=_both(on_car),
+        car=_both(rules, swift),
     )
-    return Part(conclusions, text)
+    return Weights(ball, (rules, swift), _sensitivity(meta), text)
 
 
-def _alpha_matters(name: str, compared: list[Compared]) -> str:
-    """Return a sentence on how much the choice of α matters to each rule."""
-    rules, sarsa = (
-        ", ".join(f"{value_words(key)} {of.spread.value:.2f}" for key, of in each.schemes.items())
-        for each in compared
-    )
-    return (
-        f"From the best α to the worst, the score on the ball falls by (in catches, with {name}): "
-        f"{rules}. Of true online Sarsa(λ): {sarsa}."
-    )
-
-
-def _both(compared: list[Compared]) -> str:
-    """Return the comparisons of the rules, and that of Swift-Sarsa with true online Sarsa(λ)."""
-    rules, swift = map(comparison, compared)
-    return f"{rules}\nTrue online Sarsa(λ):\n\n{swift}"
+def _both(rules: Compared, swift: Compared) -> str:
+    """Return the comparison of the rules, and that of Swift-Sarsa with true online Sarsa(λ)."""
+    return f"{comparison(rules)}\nTrue online Sarsa(λ):\n\n{comparison(swift)}"
 
 
 def _meta_table(meta: Experiment) -> str:
@@ -156,8 +151,8 @@ def _sensitivity(meta: Experiment) -> str:
     told = ", ".join(f"{value_words(name)} {spread:.2f}" for name, spread in spreads.items())
     sizes = sorted(meta.values("meta_step_size"))
     return (
-        f"The meta step size, from {sizes[0]:g} to {sizes[-1]:g}, changes the score by as much as "
-        f"(in catches, with the λ to which it matters more): {told}."
+        f"The meta step size takes the place of α. From {sizes[0]:g} to {sizes[-1]:g} it changes "
+        f"the score on the ball by up to: {told} catches."
     )
 
 
