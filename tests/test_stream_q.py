@@ -67,4 +67,11 @@ def test_the_page_says_how_many_balls_are_caught() -> None:
     # The returns of the last fifth are below the final one; a catch is worth 1, a miss −0.5.
     assert re.search(r"Stream Q\(λ\) 39% \[.*program 64%, .*defaults 89% \[", page)
     assert "on 2026-11-26." in page
+    assert "too hard" not in page
+    assert re.search(r"\| the paper's ball \| +ours \| .* 0\.\d\d \|\n", page)
     assert len(figure_of(three).axes) == 3
+
+
+def test_a_learned_ball_says_that_the_world_is_not_too_hard() -> None:
+    learned = Series("follow", OURS, 50_000, np.full((4, PARTS), 0.99))
+    assert "99% [99%, 99%]. So the world isn't too hard" in write_page([learned], ["2026-11-26"])

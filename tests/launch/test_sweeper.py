@@ -49,7 +49,7 @@ EXPERIMENTS = {
     "sensitivity_values": 2 * 3 * 3,
     "two_states": 24,
     "values": 20,
-    "values_sweep": 312,
+    "values_sweep": 384,
 }
 
 
