@@ -4,7 +4,6 @@ import os
 import signal
 import warnings
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 # The tensors are small, so a second thread is no help: on a busy machine it costs milliseconds for
@@ -78,22 +77,13 @@ def no_fsync() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write invented results of all experiments: 110 runs of the large ones, 12 of the others."""
-    from .experiment_files import EXPERIMENTS, paper_level, write_experiment
-    from .small_world_files import write_small_worlds
+def experiments(tmp_path_factory: pytest.TempPathFactory) -> "dict[str, Experiment]":
+    """Invent results of all experiments: 110 runs of the large ones, 12 of the others."""
+    from .experiment_files import EXPERIMENTS, invent_experiment, paper_level
+    from .small_world_files import invent_small_worlds
 
-    root = tmp_path_factory.mktemp("outputs")
-    for name, jobs in EXPERIMENTS.items():
-        runs = 110 if name.endswith("large") else 12
-        write_experiment(root / name / "2026-01-02_03-04-05", jobs, paper_level, runs)
-    write_small_worlds(root)
-    return root
-
-
-@pytest.fixture(scope="session")
-def experiments(results: Path) -> "dict[str, Experiment]":
-    """Read the experiments from the fixture ``results``."""
-    from fnnq_torchrl.studies.experiments import newest_experiment
-
-    return {path.name: newest_experiment(results, path.name) for path in results.iterdir()}
+    invented = {
+        name: invent_experiment(name, jobs, paper_level, 110 if name.endswith("large") else 12)
+        for name, jobs in EXPERIMENTS.items()
+    }
+    return invented | invent_small_worlds(tmp_path_factory.mktemp("small worlds"))
