@@ -42,7 +42,6 @@ CHOICES = {
     if path.suffix == ".yaml"
 }
 
-EVERY_LOGGER = "logger=[csv,wandb,tensorboard,mlflow]"
 NONSENSE = "non/sense " * 30
 """A text that is too long for a file name and has characters that names can't have."""
 
@@ -146,15 +145,16 @@ def test_the_defaults_are_the_papers_and_spec(default):
     }
 
 
-def with_task(choice: str) -> tuple[str, ...]:
+@cache
+def composed(choice: str) -> Config:
     """A choice, with its own task if it is a world that wants another test than the default's."""
     tasks = [task for task in choices_of("task") if choice.startswith(f"env={task}")]
-    return (choice, f"task={max(tasks, key=len)}") if tasks else (choice,)
+    return load_config(choice, *[f"task={max(tasks, key=len)}"] if tasks else [])
 
 
 @pytest.mark.parametrize("choice", CHOICES.values())
 def test_every_shipped_yaml_composes(choice):
-    load_config(*with_task(choice))
+    composed(choice)
 
 
 @pytest.mark.parametrize("name", choices_of("tuned"))
@@ -173,7 +173,12 @@ def test_a_tuned_file_is_that_of_a_task_and_a_value_function(name):
             assert {name: getattr(config.value, name) for name in number} == number
         else:
             assert getattr(config, key) == number
-    # The command line takes precedence over it.
+
+
+def test_the_command_line_takes_precedence_over_a_tuned_file():
+    tuned = yaml.safe_load((CONF / "tuned" / "cart_pole_tiles.yaml").read_text())
+    words = ["task=cart_pole", "value=tiles"]
+    assert tuned["alpha"] != 0.77
     assert load_config(*words, "alpha=0.77").alpha == 0.77
 
 
@@ -189,9 +194,15 @@ def test_overrides_reach_their_keys():
     assert config.value.inputs == {"bearing": [[0, 1]]}
 
 
+LOGGERS = ("wandb", "tensorboard", "mlflow")
+
+
 @cache
 def plain_config(env, value):
-    return asdict(load_config(*with_task(f"env={env}"), f"value={value}", EVERY_LOGGER))
+    """Return the values of a world and a value function, with those of every logger."""
+    plain = asdict(composed(f"env={env}" if value == "fnnq" else f"value={value}"))
+    loggers = {name: asdict(getattr(composed(f"logger={name}").logger, name)) for name in LOGGERS}
+    return plain | {"logger": plain["logger"] | loggers}
 
 
 @pytest.mark.parametrize(
@@ -217,14 +228,14 @@ def test_every_key_has_a_type_and_a_range(env, value, key):
 def test_a_world_has_a_file_of_values_a_schema_and_a_class():
     assert CLASSES.keys() == WORLDS.keys()
     for kind in WORLDS:
-        assert load_config(*with_task(f"env={kind}")).env.kind == kind
+        assert composed(f"env={kind}").env.kind == kind
         assert CLASSES[kind].schema is WORLDS[kind]
 
 
 def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
     assert NETWORKS.keys() == VALUES.keys()
     for kind in VALUES:
-        assert load_config(f"value={kind}").value.kind == kind
+        assert composed(f"value={kind}").value.kind == kind
         assert NETWORKS[kind].schema is VALUES[kind]
 
 
