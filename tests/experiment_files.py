@@ -13,9 +13,10 @@ import numpy as np
 
 from fnnq_torchrl.config.checking import flat
 from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.studies.experiments import Experiment, Job
 from fnnq_torchrl.training.results import Evaluations, write_evaluations
+
+from .compositions import config_of
 
 Settings = dict[str, Any]
 Level = Callable[[Settings], float]
@@ -28,7 +29,7 @@ GROUPS = ("+experiment", "env", "task", "value")
 
 @cache
 def _composed(*choices: str) -> Config:
-    return load_config(*choices)
+    return config_of(*choices)
 
 
 def changed_config(overrides: tuple[str, ...], runs: int) -> Config:

@@ -38,7 +38,9 @@ CHOICES = {
     # A task chooses its labels, and those with an underscore are what others are made of.
     if path.parent not in (Path("value/labels"), Path("tuned")) and not path.stem.startswith("_")
     # The user must name the class of these.
-    if path.stem != "own" and path not in (Path("env/torchrl.yaml"), Path("task/torchrl.yaml"))
+    if path.stem != "own" and path != Path("env/torchrl.yaml")
+    # A task and its values for the learner are composed with the world of this name.
+    if path.parent not in (Path("task"), Path("learner"))
     if path.suffix == ".yaml"
 }
 
@@ -147,9 +149,10 @@ def test_the_defaults_are_the_papers_and_spec(default):
 
 @cache
 def composed(choice: str) -> Config:
-    """A choice, with its own task if it is a world that wants another test than the default's."""
+    """A choice; a world by its task, or with the task that has the test for such a world."""
     tasks = [task for task in choices_of("task") if choice.startswith(f"env={task}")]
-    return load_config(choice, *[f"task={max(tasks, key=len)}"] if tasks else [])
+    task = max(tasks, key=len, default="follow")
+    return load_config(f"task={task}", *[choice] * (choice != f"env={task}"))
 
 
 @pytest.mark.parametrize("choice", CHOICES.values())
@@ -450,12 +453,15 @@ def test_an_entry_of_a_list_has_the_lists_range():
 )
 def test_a_value_function_brings_its_step_size(value, alpha):
     """The default is the sweep's best α, which the experiment on extrapolation has too."""
-    assert load_config(f"value={value}").alpha == alpha
-    assert load_config(f"value={value}", "step_size=constant").alpha == alpha
-    assert load_config(f"value={value}", "step_size=obgd").alpha == 1
-    assert load_config("alpha=0.3", f"value={value}").alpha == 0.3
+    assert composed(f"value={value}").alpha == alpha
     cases = OmegaConf.load(CONF / "experiment" / "extrapolation.yaml").hydra.sweeper.cases
     assert {case.value: case.alpha for case in cases if "value" in case}[value] == alpha
+
+
+def test_a_value_functions_step_size_yields_to_the_users():
+    assert load_config("value=mlp", "step_size=constant").alpha == 0.2
+    assert load_config("value=mlp", "step_size=obgd").alpha == 1
+    assert load_config("alpha=0.3", "value=mlp").alpha == 0.3
 
 
 @pytest.mark.parametrize(
@@ -464,7 +470,7 @@ def test_a_value_function_brings_its_step_size(value, alpha):
 def test_a_step_size_brings_its_values_and_yields_to_the_users(given):
     config = load_config(*given)
     assert (config.step_size, config.alpha, config.alpha_decay) == ("obgd", 0.1, 1)
-    assert load_config("step_size=obgd").alpha == 1
+    assert composed("step_size=obgd").alpha == 1
 
 
 @pytest.fixture

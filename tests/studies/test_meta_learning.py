@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from envs.pictures import Figure
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.studies.experiments import Experiment, newest_experiment
 from fnnq_torchrl.studies.meta_learning.ball import SCHEMES, compare, recoveries
 from fnnq_torchrl.studies.meta_learning.command import main
@@ -24,6 +23,7 @@ from fnnq_torchrl.training.pictures.parameters import parameters_figure
 from fnnq_torchrl.training.results import Evaluations, write_evaluations
 from fnnq_torchrl.training.score import Score
 from fnnq_torchrl.training.solved import COLUMNS, read_solved
+from tests.compositions import config_of
 from tests.experiment_files import Settings, grid, invent_experiment
 
 ALPHAS = "0.1,0.4"
@@ -179,7 +179,7 @@ def write_ring(sweep: Path) -> None:
     """Write two jobs on the ring, in which every other run has a stable solution."""
     runs = 100
     for number, beta in enumerate(("exponential", "affine")):
-        config = load_config(
+        config = config_of(
             *("task=ring", "adaptive=doya", "env.states=4", "temperature=1"),
             f"adaptive_beta={beta}",
         )
