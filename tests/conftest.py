@@ -5,6 +5,7 @@ import os
 import signal
 import warnings
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 # The tensors are small, so a second thread is no help: on a busy machine it costs milliseconds for
@@ -42,6 +43,27 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(session / "cache"))
         patch.setenv("TORCHINDUCTOR_CACHE_DIR", str(session / "cache" / "inductor"))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def blank_curves() -> Iterator[None]:
+    """Leave blank pictures as learning curves: drawing one takes longer than most jobs here.
+
+    ``tests/training/test_drawing.py`` and ``tests/studies/test_figures.py`` draw.
+    """
+    from PIL import Image
+
+    from fnnq_torchrl.files.atomic import atomic_write
+
+    def blank(picture: Path) -> None:
+        with atomic_write(picture) as file:
+            Image.new("RGB", (8, 6), "white").save(file, "PNG")
+
+    curves = "fnnq_torchrl.training.pictures.curves"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(f"{curves}.learning_curve", lambda evaluations, to, score: blank(to))
+        patch.setattr(f"{curves}.sweep_curves", lambda curves, of, to, score: blank(to))
         yield
 
 

@@ -13,7 +13,7 @@ from matplotlib import rc_context
 from matplotlib.patches import Rectangle
 
 from fnnq_torchrl import RuleBase, load_rules, plot, rules
-from fnnq_torchrl.studies.rules import pictures
+from fnnq_torchrl.studies.rules import pictures, plot_command
 from fnnq_torchrl.studies.rules.job import choose, read_job
 from fnnq_torchrl.studies.rules.page import BEGIN, END, write_faithfulness
 from fnnq_torchrl.studies.rules.reading import read_run
@@ -114,6 +114,7 @@ def test_sums_and_learned_labels(
         trained = float(row.get("fired_while_learning", row["fired"]))
         assert row["hardly_trained"] == str(trained < 1)
     (tmp_path / "p").mkdir()
+    monkeypatch.setattr(plot_command, "save", lambda figure, picture: picture.touch())
     assert run(plot, monkeypatch, *which, f"to={tmp_path / 'p'}") == 0
     assert len([*(tmp_path / "p").iterdir()]) == 4
     assert run(rules, monkeypatch, *which, f"export={tmp_path / 'q.json'}") == 0
