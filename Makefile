@@ -102,10 +102,10 @@ memberships: install  ## docs/memberships.md: are clustered labels better than t
 	$(BIN)/python -m fnnq_torchrl.memberships
 
 test: install  ## the test suite
-	$(BIN)/python -m pytest -q -n auto
+	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
 test-long: install  ## the tests that take long, which make test leaves out
-	$(BIN)/python -m pytest -q -n auto -m long
+	$(BIN)/python -m pytest -q -n auto --dist worksteal -m long
 
 foreign: install $(FOREIGN)/installed  ## what other programs make of our files of rules; says what is missing (ONLY='not octave': fewer)
 	$(BIN)/python -m pytest -q -n auto -m foreign -k "$(ONLY)" tests/foreign

@@ -1,5 +1,6 @@
 """Settings of torch and hypothesis, and fixtures, for all tests."""
 
+import gc
 import os
 import signal
 import warnings
@@ -25,6 +26,14 @@ settings.register_profile("long", settings.get_profile("here"), max_examples=500
 settings.load_profile("here")
 
 
+def pytest_collection_finish() -> None:
+    """Leave what the imports have made out of all further garbage collections.
+
+    It is no garbage, and looking through it again and again takes a fifth of the tests' time.
+    """
+    gc.freeze()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Keep compiled programs in a cache that the workers of this test session share."""
@@ -34,6 +43,27 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(session / "cache"))
         patch.setenv("TORCHINDUCTOR_CACHE_DIR", str(session / "cache" / "inductor"))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def blank_curves() -> Iterator[None]:
+    """Leave blank pictures as learning curves: drawing one takes longer than most jobs here.
+
+    ``tests/training/test_drawing.py`` and ``tests/studies/test_figures.py`` draw.
+    """
+    from PIL import Image
+
+    from fnnq_torchrl.files.atomic import atomic_write
+
+    def blank(picture: Path) -> None:
+        with atomic_write(picture) as file:
+            Image.new("RGB", (8, 6), "white").save(file, "PNG")
+
+    curves = "fnnq_torchrl.training.pictures.curves"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(f"{curves}.learning_curve", lambda evaluations, to, score: blank(to))
+        patch.setattr(f"{curves}.sweep_curves", lambda curves, of, to, score: blank(to))
         yield
 
 
@@ -78,22 +108,13 @@ def no_fsync() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write invented results of all experiments: 110 runs of the large ones, 12 of the others."""
-    from .experiment_files import EXPERIMENTS, paper_level, write_experiment
-    from .small_world_files import write_small_worlds
+def experiments(tmp_path_factory: pytest.TempPathFactory) -> "dict[str, Experiment]":
+    """Invent results of all experiments: 110 runs of the large ones, 12 of the others."""
+    from .experiment_files import EXPERIMENTS, invent_experiment, paper_level
+    from .small_world_files import invent_small_worlds
 
-    root = tmp_path_factory.mktemp("outputs")
-    for name, jobs in EXPERIMENTS.items():
-        runs = 110 if name.endswith("large") else 12
-        write_experiment(root / name / "2026-01-02_03-04-05", jobs, paper_level, runs)
-    write_small_worlds(root)
-    return root
-
-
-@pytest.fixture(scope="session")
-def experiments(results: Path) -> "dict[str, Experiment]":
-    """Read the experiments from the fixture ``results``."""
-    from fnnq_torchrl.studies.experiments import newest_experiment
-
-    return {path.name: newest_experiment(results, path.name) for path in results.iterdir()}
+    invented = {
+        name: invent_experiment(name, jobs, paper_level, 110 if name.endswith("large") else 12)
+        for name, jobs in EXPERIMENTS.items()
+    }
+    return invented | invent_small_worlds(tmp_path_factory.mktemp("small worlds"))

@@ -1,8 +1,9 @@
-"""Invented result files of experiments, for the figures and pages."""
+"""Invented results of experiments, in memory or in files, for the figures and pages."""
 
 import json
+from collections import defaultdict
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -10,32 +11,46 @@ from typing import Any
 
 import numpy as np
 
-from fnnq_torchrl.launch.composition import load_config
+from fnnq_torchrl.config.checking import flat
+from fnnq_torchrl.config.schema import Config
+from fnnq_torchrl.studies.experiments import Experiment, Job
 from fnnq_torchrl.training.results import Evaluations, write_evaluations
+
+from .compositions import config_of
 
 Settings = dict[str, Any]
 Level = Callable[[Settings], float]
 """A function from settings to the final score, of 5, of runs with these settings."""
 
 
+GROUPS = ("+experiment", "env", "task", "value")
+"""Keys of overrides that Hydra composes; all others set a value of the configuration."""
+
+
 @cache
-def _default(*choices: str) -> str:
-    return json.dumps(asdict(load_config(*choices)))
+def _composed(*choices: str) -> Config:
+    return config_of(*choices)
 
 
-def _settings(overrides: tuple[str, ...], runs: int) -> Settings:
-    choices = [override for override in overrides if override.startswith("value=")]
-    settings = json.loads(_default(*choices)) | {"num_seeds": runs}
-    for override in overrides:
-        if override in choices:
-            continue
-        key, _, text = override.partition("=")
-        *groups, name = key.split(".")
-        node = settings
-        for group in groups:
-            node = node[group]
-        node[name] = type(node[name])(text)
-    return settings
+def changed_config(overrides: tuple[str, ...], runs: int) -> Config:
+    """Return a configuration without composing it once more: many jobs differ in values only."""
+    typed = [override.partition("=") for override in overrides]
+    choices = [f"{key}={text}" for key, _, text in typed if key in GROUPS]
+    values = {key: text for key, _, text in typed if key not in GROUPS}
+    return _changed(_composed(*choices), values | {"num_seeds": str(runs)})
+
+
+def _changed(node: Any, values: Mapping[str, str]) -> Any:
+    """Return a part of a configuration with other values, by keys such as ``env.length``."""
+    own, below = {}, defaultdict[str, dict[str, str]](dict)
+    for key, text in values.items():
+        name, _, rest = key.partition(".")
+        if rest:
+            below[name][rest] = text
+        else:
+            own[name] = type(getattr(node, name))(text)
+    parts = {name: _changed(getattr(node, name), part) for name, part in below.items()}
+    return replace(node, **own, **parts)
 
 
 def invented(settings: Settings, level: float) -> Evaluations:
@@ -57,12 +72,32 @@ def invented(settings: Settings, level: float) -> Evaluations:
     )
 
 
+def invent_experiment(
+    name: str, jobs: list[tuple[str, ...]], level: Level, runs: int = 22
+) -> Experiment:
+    """Return an experiment with a job for each tuple of overrides, as if read from files."""
+    return Experiment(name, [_invent(overrides, level, runs) for overrides in jobs])
+
+
+def _invent(overrides: tuple[str, ...], level: Level, runs: int) -> Job:
+    config = changed_config(overrides, runs)
+    settings = asdict(config)
+    return job_of(config, invented(settings, level(settings)))
+
+
+def job_of(config: Config, evaluations: Evaluations, directory: Path = Path("nowhere")) -> Job:
+    """Return a finished job of which no files are read."""
+    settings = asdict(config)
+    del settings["logger"]
+    return Job(flat(settings), evaluations, config, directory)
+
+
 def write_experiment(
     sweep: Path, jobs: list[tuple[str, ...]], level: Level, runs: int = 22
 ) -> None:
     """Write a sweep's directory with a job for each tuple of overrides."""
     for number, overrides in enumerate(jobs):
-        settings = _settings(overrides, runs)
+        settings = asdict(changed_config(overrides, runs))
         directory = sweep / str(number)
         (directory / ".hydra").mkdir(parents=True)
         (directory / ".hydra" / "config.yaml").write_text(json.dumps(settings))

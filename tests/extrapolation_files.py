@@ -11,10 +11,10 @@ import torch
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.results import write_evaluations
 from fnnq_torchrl.training.weights import save_snapshots
 
+from .compositions import config_of
 from .experiment_files import invented
 from .programs import SMALL_WORLD
 
@@ -27,7 +27,7 @@ ON_ONE_SIDE = ("env=follow_one_side", "env.switch_side_after=200", "env.other_vi
 def extrapolating(*overrides: str) -> Config:
     """Return a configuration of the experiment in the small world."""
     common = (f"num_seeds={RUNS}", "situations=400", *ON_ONE_SIDE, *SMALL_WORLD)
-    return load_config(*common, *overrides)
+    return config_of(*common, *overrides)
 
 
 def write_job(directory: Path, config: Config, level: float) -> None:

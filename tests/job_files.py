@@ -9,7 +9,6 @@ import pytest
 from matplotlib.image import imsave
 from PIL import Image
 
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.job import run_job
 from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.results import (
@@ -20,6 +19,7 @@ from fnnq_torchrl.training.results import (
     write_summary,
 )
 
+from .compositions import config_of
 from .experiment_files import invented
 
 
@@ -38,7 +38,7 @@ def keys_read(schema: type, monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
 def write_job(directory: Path, *overrides: str, sweep: Path | None = None) -> Job:
     """Write the files of a finished job with these overrides; its pictures have a single colour."""
-    job = Job(load_config("situations=40", *overrides), directory, sweep)
+    job = Job(config_of("situations=40", *overrides), directory, sweep)
     directory.mkdir(parents=True, exist_ok=True)
     evaluations = invented(asdict(job.config), 4.0)
     outcome = Outcome(
@@ -60,7 +60,7 @@ def write_job(directory: Path, *overrides: str, sweep: Path | None = None) -> Jo
 
 def train_job(directory: Path, *overrides: str) -> Path:
     """Train a job in a directory, and write the configuration as the train command does."""
-    config, settings = load_config(*overrides), directory / ".hydra"
+    config, settings = config_of(*overrides), directory / ".hydra"
     settings.mkdir(parents=True)
     run_job(config, directory)
     (settings / "config.yaml").write_text(json.dumps(asdict(config)))

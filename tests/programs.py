@@ -16,10 +16,11 @@ from fnnq_torchrl.config.schema import PER_RUN, Config
 from fnnq_torchrl.engine.lanes import LANES, Values, repeat_last
 from fnnq_torchrl.equations.q_lambda import Rule
 from fnnq_torchrl.equations.step_size import make_step_size
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.batch import Batch
 from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.resume.saved import SavedTraining
+
+from .compositions import config_of
 
 SMALL_WORLD = ("env.circle_radius_m=0.5", "env.time_limit_steps=14")
 """Overrides for a world whose situations end after 10 to 14 steps, in a catch or a miss."""
@@ -78,4 +79,4 @@ def advance(learner: Learner, run: TensorDictBase, steps: int) -> TensorDict:
 @cache
 def config(*overrides: str) -> Config:
     """Return the default configuration in the small world."""
-    return load_config(*SMALL_WORLD, *overrides)
+    return config_of(*SMALL_WORLD, *overrides)

@@ -12,7 +12,8 @@ from fnnq_torchrl.equations.membership_functions import (
     MEMBERSHIP_FUNCTIONS,
     T_NORMS,
 )
-from fnnq_torchrl.launch.composition import load_config
+
+from .compositions import config_of
 
 numbers = st.floats(-5, 5).map(lambda x: x + 0.0)
 widths = st.floats(0.01, 5)
@@ -21,7 +22,7 @@ widths = st.floats(0.01, 5)
 @cache
 def paper() -> RuleBase:
     """The paper's labels with any consequents."""
-    config = load_config()
+    config = config_of()
     consequents = torch.randn(5, 4, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     return RuleBase(partition(config.value, config.env), "value", consequents)
 

@@ -1,7 +1,6 @@
-"""Invented result files of the experiments on the chain and on the two states."""
+"""Invented results of the experiments on the chain and on the two states."""
 
-import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,12 +9,12 @@ import torch
 from numpy.typing import NDArray
 
 from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.studies.chain import exact_values
-from fnnq_torchrl.training.results import Evaluations, write_evaluations
+from fnnq_torchrl.studies.experiments import Experiment, Job
+from fnnq_torchrl.training.results import Evaluations
 from fnnq_torchrl.training.weights import save_checkpoint
 
-from .experiment_files import grid
+from .experiment_files import changed_config, grid, job_of
 
 RUNS = 12
 JOBS = {
@@ -31,18 +30,19 @@ JOBS = {
 }
 
 
-def write_small_worlds(root: Path) -> None:
-    """Write the three experiments into a directory of results."""
-    for name, jobs in JOBS.items():
-        for number, overrides in enumerate(jobs):
-            config = load_config(f"+experiment={name}", *overrides, f"num_seeds={RUNS}")
-            directory = root / name / "2026-01-02_03-04-05" / str(number)
-            (directory / ".hydra").mkdir(parents=True)
-            (directory / ".hydra" / "config.yaml").write_text(json.dumps(asdict(config)))
-            write_evaluations(directory / "evaluations.csv", evaluations(config))
-            if name == "sensitivity_values":
-                _write_values(directory / "checkpoint.pt", config)
-            (directory / "summary.json").write_text("{}")
+def invent_small_worlds(root: Path) -> dict[str, Experiment]:
+    """Return the three experiments; the tables of the values are files in a directory."""
+    return {name: Experiment(name, [*_jobs(root, name)]) for name in JOBS}
+
+
+def _jobs(root: Path, name: str) -> Iterator[Job]:
+    for number, overrides in enumerate(JOBS[name]):
+        config = changed_config((f"+experiment={name}", *overrides), RUNS)
+        job = job_of(config, evaluations(config), root / name / str(number))
+        if name == "sensitivity_values":
+            job.directory.mkdir(parents=True)
+            _write_values(job.directory / "checkpoint.pt", config)
+        yield job
 
 
 def evaluations(config: Config) -> Evaluations:

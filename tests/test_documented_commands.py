@@ -86,7 +86,9 @@ def test_a_training_can_be_started(
         job_module, "run_batches", lambda batches, **others: ([1.0] * len(b) for b in batches)
     )
     monkeypatch.setattr(Multirun, "_write_whole", lambda self, first: None)
-    arguments = [word for word in command.words if "=" in word or word in ("-m", "--config-dir")]
+    program = next(word for word in command.words if word in ("fnnq_torchrl.train", "fnnq-train"))
+    words = command.words[command.words.index(program) + 1 :]
+    arguments = [word for word in words if "=" in word or word in ("-m", "--config-dir")]
     if "--config-dir" in arguments:  # a directory that the reader makes from the page's YAML
         page = (ROOT / command.page).read_text(encoding="utf-8")
         assert page.count("my_conf") > 1

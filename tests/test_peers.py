@@ -24,8 +24,8 @@ from benchmarks.peers.task import moments, score
 from benchmarks.peers.tune import LEARNING_RATES, best_rate, read_tuning
 from envs.robot.follow import FollowBall
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.trainer import Trainer
+from tests.compositions import config_of
 
 SEED = 3
 
@@ -43,7 +43,7 @@ class AsPeer(nn.Module):
 
 def test_peers_are_tested_as_ours_are():
     """The peers' test gives a network the score that our evaluation gives it."""
-    config = load_config("situations=50", f"seed={SEED}", "engine=eager")
+    config = config_of("situations=50", f"seed={SEED}", "engine=eager")
     trainer = Trainer.of(config)
     candidates = torch.linspace(-1, 1, config.action.candidates)
     weights = trainer.ledger.book.pages["weights", "weight"].detach()
@@ -67,7 +67,7 @@ def test_torchrls_learner_chooses_among_the_same_actions():
 
     from benchmarks.peers.torchrl_dqn import discrete
 
-    config = load_config()
+    config = config_of()
     env = discrete(FollowBall(config.env, seed=0), config.action.candidates)
     check_env_specs(env)
     assert env.action_spec.shape == ()
@@ -85,7 +85,7 @@ def test_a_score_is_that_of_the_last_evaluation():
 
 
 def test_enough_situations_for_the_steps():
-    config = load_config()
+    config = config_of()
     fewest = config.env.fewest_steps
     for steps in (1, 400, 12_000):
         situations = enough(config, steps)

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from graphlib import TopologicalSorter
 from importlib.metadata import packages_distributions
 from importlib.util import resolve_name
@@ -79,7 +80,8 @@ def floor(module: str) -> int:
     return next(height for height, floor in enumerate(ROOMS) if room(module) in floor)
 
 
-def imports(module: str) -> set[str]:
+@cache
+def imports(module: str) -> frozenset[str]:
     """Return every name that the module imports, at its top or in a function.
 
     `from a.b import c` counts as a.b.c, since c may be a module; `own` finds its module.
@@ -92,7 +94,7 @@ def imports(module: str) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             source = resolve_name("." * node.level + (node.module or ""), package)
             names |= {f"{source}.{alias.name}" for alias in node.names}
-    return names
+    return frozenset(names)
 
 
 def own(name: str) -> str | None:

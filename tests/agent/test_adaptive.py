@@ -8,7 +8,7 @@ from tensordict import TensorDict
 
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.equations import reward_means
-from fnnq_torchrl.launch.composition import load_config
+from tests.compositions import config_of
 from tests.oracles.ring import doya
 from tests.programs import advance, make_learner, make_runs
 
@@ -17,7 +17,7 @@ RUNS, STEPS = 6, 300
 
 def ring(*overrides: str) -> Config:
     world = ("task=ring", "env.states=4", "env.far_reward=6", "env.situation_steps=50")
-    return load_config(*world, "adaptive=doya", "machine.dtype=float64", *overrides)
+    return config_of(*world, "adaptive=doya", "machine.dtype=float64", *overrides)
 
 
 def different_runs(settings: Config) -> TensorDict:

@@ -22,6 +22,7 @@ from fnnq_torchrl.agent.values import FuzzyQValue, make_value_network
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.equations.q_lambda import Rule
 from fnnq_torchrl.launch.composition import load_config
+from tests.compositions import config_of
 from tests.oracles.fuzzy_q import fuzzy_q_learning
 from tests.programs import SMALL_WORLD, make_learner, make_runs
 
@@ -100,7 +101,7 @@ def test_a_step_by_hand() -> None:
 @pytest.mark.parametrize("world", [SMALL_WORLD, HILLS], ids=["ball", "hills"])
 @torch.no_grad()
 def test_it_is_its_twin(variant: str, world: tuple[str, ...]) -> None:
-    config = load_config(*world, *IN_DOUBLE, f"variant={variant}")
+    config = config_of(*world, *IN_DOUBLE, f"variant={variant}")
     columns = {
         "seed": torch.tensor([3, 2**40, 7]),
         "lam": torch.tensor([0.0, 0.6, 0.9]).double(),
@@ -129,7 +130,7 @@ def test_it_is_its_twin(variant: str, world: tuple[str, ...]) -> None:
 
 
 def test_every_rule_has_random_numbers_of_its_own() -> None:
-    config = load_config("task=mountain_car", *IN_DOUBLE)
+    config = config_of("task=mountain_car", *IN_DOUBLE)
     network = make_value_network(config.value, make_candidates(config, torch.float64), 2_000)
     env = make_world(config.env, [2_000], seed=0, dtype=torch.float64)
     choices = EpsilonGreedyPolicy(network, 1.0)(env.reset())["choices"]
@@ -167,7 +168,7 @@ def test_the_boltzmann_policy_compares_the_rules_own_values() -> None:
 
 @pytest.mark.parametrize("ending", ["fll", "fis", "json", "txt"])
 def test_the_greedy_policy_is_a_controller_in_every_format(ending: str, tmp_path: Path) -> None:
-    config = load_config("task=mountain_car", *IN_DOUBLE)
+    config = config_of("task=mountain_car", *IN_DOUBLE)
     network = make_value_network(config.value, make_candidates(config, torch.float64), 2)
     with torch.no_grad():
         network.weight.normal_(generator=torch.Generator().manual_seed(0))
@@ -239,7 +240,7 @@ def test_what_choosing_rules_cant_do_is_told_in_python() -> None:
 
 def test_a_force_between_two_actions_is_gymnasiums() -> None:
     """MountainCarContinuous-v0 has the same dynamics, with a force from −1 to 1."""
-    config = load_config("task=mountain_car", "env=mountain_car_gymnasium", "env.force=0.0015")
+    config = config_of("task=mountain_car", "env=mountain_car_gymnasium", "env.force=0.0015")
     env = make_world(config.env, [1], seed=0, dtype=torch.float64)
     theirs = gymnasium.make("MountainCarContinuous-v0")
     theirs.reset(seed=0)

@@ -7,8 +7,8 @@ import torch
 
 from fnnq_torchrl.agent.rules import RuleBase, RulesError, explain, rule_bases
 from fnnq_torchrl.agent.values import make_value_network
-from fnnq_torchrl.launch.composition import load_config
 from tests.agent.test_values import CANDIDATES, VARIANTS
+from tests.compositions import config_of
 
 
 @pytest.mark.parametrize("ending", ["json", "txt", "fll", "fis"])
@@ -16,7 +16,7 @@ from tests.agent.test_values import CANDIDATES, VARIANTS
 def test_a_networks_labels_and_t_norm_come_back_from_a_file(
     name: str, ending: str, tmp_path: Path
 ) -> None:
-    config = load_config(*VARIANTS[name])
+    config = config_of(*VARIANTS[name])
     network = make_value_network(config.value, CANDIDATES, 1)
     generator = torch.Generator().manual_seed(0)
     with torch.no_grad():
@@ -41,7 +41,7 @@ GROUPS = "value.rules=[[sonar_right_m,sonar_front_m],[sonar_front_m,sonar_left_m
 
 
 def test_a_sum_of_rule_bases_is_a_single_one() -> None:
-    config = load_config("task=wander", "value=fnnq_sum", GROUPS)
+    config = config_of("task=wander", "value=fnnq_sum", GROUPS)
     network = make_value_network(config.value, CANDIDATES, 2)
     generator = torch.Generator().manual_seed(0)
     with torch.no_grad():
@@ -65,7 +65,7 @@ def test_a_sum_of_rule_bases_is_a_single_one() -> None:
 def test_a_sum_that_is_no_single_rule_base_is_told() -> None:
     gaps = "{triangle: [0, 1, 2]}, {triangle: [3, 4, 5]}"
     labels = f"value.inputs.sonar_left_m=[{gaps}]"
-    config = load_config("task=wander", "value=fnnq_sum", labels, "value.elsewhere=zero")
+    config = config_of("task=wander", "value=fnnq_sum", labels, "value.elsewhere=zero")
     network = make_value_network(config.value, CANDIDATES, 1)
     parts = rule_bases(network, config.value, config.env)
     with pytest.raises(RulesError, match="for labels with gaps, elsewhere=nearest"):

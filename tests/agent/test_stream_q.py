@@ -16,6 +16,7 @@ from fnnq_torchrl.engine.native import NativeLoop
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.evaluation import GreedyTest
 from fnnq_torchrl.training.trainer import Trainer
+from tests.compositions import config_of
 from tests.oracles.stream_q import stream_q
 from tests.programs import advance, in_lanes, make_learner, make_runs
 
@@ -24,7 +25,7 @@ STEPS = 60
 
 def stream(*overrides: str) -> Config:
     """Return the configuration of a small Stream Q(λ) with episodes of at most 12 steps."""
-    return load_config(
+    return config_of(
         *("task=cart_pole", "env=cart_pole_gymnasium", "env.time_limit_steps=12"),
         *("value=mlp", "value.widths=[6,5]", "value.layer_norm=true", "value.sparsity=0.5"),
         *("value.activation=leaky_relu", "value.outputs=each", "value.normalise=true"),

@@ -6,6 +6,7 @@ import torch
 from envs.core.parameters import ConfigError
 from fnnq_torchrl.agent.values import FNNQSumValue, FNNQValue
 from fnnq_torchrl.launch.composition import load_config
+from tests.compositions import config_of
 
 LABELS = {"near": [(0.0, 0.5), (1.0, 0.5)], "far": [(-1.0, 1.0), (0.0, 0.3), (1.0, 1.0)]}
 ACTION = [(-1.0, 0.5), (1.0, 0.5)]
@@ -40,10 +41,10 @@ def test_groups_add_up():
 
 def test_the_configuration_says_which():
     task = ("task=follow_obstacles", "value=fnnq_sum")
-    config = load_config(*task)
+    config = config_of(*task)
     assert config.value.groups == [[name] for name in config.value.inputs]
     rules = "value.rules=[[bearing],[sonar_left_m,sonar_front_m,sonar_right_m]]"
-    network = FNNQSumValue.from_config(load_config(*task, rules).value, CANDIDATES, 1)
+    network = FNNQSumValue.from_config(config_of(*task, rules).value, CANDIDATES, 1)
     assert sum(weight.numel() for weight in network.parameters()) == 4 * (5 + 2 * 2 * 2)
 
 

@@ -27,8 +27,8 @@ from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.config.values import SCHEMAS
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.native import NativeLoop
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.weights import load_checkpoint
+from tests.compositions import config_of
 from tests.oracles import approximators
 from tests.oracles.fuzzy import value_of_rules
 from tests.programs import SMALL_WORLD, advance, config, in_lanes, make_learner, make_runs
@@ -63,7 +63,7 @@ VARIANTS = {
 }
 """Overrides for each value function and its variants, by name."""
 
-_SHORT = ("fnnq", "mlp", "tiles", "mixed")
+_SHORT = ("mlp", "mixed")  # tests/engine/test_loops.py has fnnq and tiles
 COMPILED = [
     pytest.param(name, marks=[pytest.mark.long] * (name not in _SHORT))
     for name in (*SCHEMAS, "mixed", "nearest", "minimum_zero", "learned")
@@ -84,7 +84,7 @@ def make(kind: str, *overrides: str) -> ValueNetwork:
 @cache
 def with_random_weights(*overrides: str) -> ValueNetwork:
     """Return a network with random weights."""
-    network = make_value_network(load_config(*overrides).value, CANDIDATES, RUNS)
+    network = make_value_network(config_of(*overrides).value, CANDIDATES, RUNS)
     generator = torch.Generator().manual_seed(0)
     with torch.no_grad():
         for weight in network.parameters():
@@ -356,7 +356,7 @@ def there(with_fourier: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def fourier_config(there: Path, *overrides: str) -> Config:
     searched = f"hydra.searchpath=[{(there / 'my_conf').as_uri()}]"
-    return load_config(searched, "value=fourier", *overrides)
+    return config_of(searched, "value=fourier", *overrides)
 
 
 def test_its_candidates_have_the_values_of_those_actions(there: Path) -> None:

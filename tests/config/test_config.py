@@ -38,11 +38,12 @@ CHOICES = {
     # A task chooses its labels, and those with an underscore are what others are made of.
     if path.parent not in (Path("value/labels"), Path("tuned")) and not path.stem.startswith("_")
     # The user must name the class of these.
-    if path.stem != "own" and path not in (Path("env/torchrl.yaml"), Path("task/torchrl.yaml"))
+    if path.stem != "own" and path != Path("env/torchrl.yaml")
+    # A task and its values for the learner are composed with the world of this name.
+    if path.parent not in (Path("task"), Path("learner"))
     if path.suffix == ".yaml"
 }
 
-EVERY_LOGGER = "logger=[csv,wandb,tensorboard,mlflow]"
 NONSENSE = "non/sense " * 30
 """A text that is too long for a file name and has characters that names can't have."""
 
@@ -146,15 +147,17 @@ def test_the_defaults_are_the_papers_and_spec(default):
     }
 
 
-def with_task(choice: str) -> tuple[str, ...]:
-    """A choice, with its own task if it is a world that wants another test than the default's."""
+@cache
+def composed(choice: str) -> Config:
+    """A choice; a world by its task, or with the task that has the test for such a world."""
     tasks = [task for task in choices_of("task") if choice.startswith(f"env={task}")]
-    return (choice, f"task={max(tasks, key=len)}") if tasks else (choice,)
+    task = max(tasks, key=len, default="follow")
+    return load_config(f"task={task}", *[choice] * (choice != f"env={task}"))
 
 
 @pytest.mark.parametrize("choice", CHOICES.values())
 def test_every_shipped_yaml_composes(choice):
-    load_config(*with_task(choice))
+    composed(choice)
 
 
 @pytest.mark.parametrize("name", choices_of("tuned"))
@@ -173,7 +176,12 @@ def test_a_tuned_file_is_that_of_a_task_and_a_value_function(name):
             assert {name: getattr(config.value, name) for name in number} == number
         else:
             assert getattr(config, key) == number
-    # The command line takes precedence over it.
+
+
+def test_the_command_line_takes_precedence_over_a_tuned_file():
+    tuned = yaml.safe_load((CONF / "tuned" / "cart_pole_tiles.yaml").read_text())
+    words = ["task=cart_pole", "value=tiles"]
+    assert tuned["alpha"] != 0.77
     assert load_config(*words, "alpha=0.77").alpha == 0.77
 
 
@@ -189,9 +197,15 @@ def test_overrides_reach_their_keys():
     assert config.value.inputs == {"bearing": [[0, 1]]}
 
 
+LOGGERS = ("wandb", "tensorboard", "mlflow")
+
+
 @cache
 def plain_config(env, value):
-    return asdict(load_config(*with_task(f"env={env}"), f"value={value}", EVERY_LOGGER))
+    """Return the values of a world and a value function, with those of every logger."""
+    plain = asdict(composed(f"env={env}" if value == "fnnq" else f"value={value}"))
+    loggers = {name: asdict(getattr(composed(f"logger={name}").logger, name)) for name in LOGGERS}
+    return plain | {"logger": plain["logger"] | loggers}
 
 
 @pytest.mark.parametrize(
@@ -217,14 +231,14 @@ def test_every_key_has_a_type_and_a_range(env, value, key):
 def test_a_world_has_a_file_of_values_a_schema_and_a_class():
     assert CLASSES.keys() == WORLDS.keys()
     for kind in WORLDS:
-        assert load_config(*with_task(f"env={kind}")).env.kind == kind
+        assert composed(f"env={kind}").env.kind == kind
         assert CLASSES[kind].schema is WORLDS[kind]
 
 
 def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
     assert NETWORKS.keys() == VALUES.keys()
     for kind in VALUES:
-        assert load_config(f"value={kind}").value.kind == kind
+        assert composed(f"value={kind}").value.kind == kind
         assert NETWORKS[kind].schema is VALUES[kind]
 
 
@@ -439,12 +453,15 @@ def test_an_entry_of_a_list_has_the_lists_range():
 )
 def test_a_value_function_brings_its_step_size(value, alpha):
     """The default is the sweep's best α, which the experiment on extrapolation has too."""
-    assert load_config(f"value={value}").alpha == alpha
-    assert load_config(f"value={value}", "step_size=constant").alpha == alpha
-    assert load_config(f"value={value}", "step_size=obgd").alpha == 1
-    assert load_config("alpha=0.3", f"value={value}").alpha == 0.3
+    assert composed(f"value={value}").alpha == alpha
     cases = OmegaConf.load(CONF / "experiment" / "extrapolation.yaml").hydra.sweeper.cases
     assert {case.value: case.alpha for case in cases if "value" in case}[value] == alpha
+
+
+def test_a_value_functions_step_size_yields_to_the_users():
+    assert load_config("value=mlp", "step_size=constant").alpha == 0.2
+    assert load_config("value=mlp", "step_size=obgd").alpha == 1
+    assert load_config("alpha=0.3", "value=mlp").alpha == 0.3
 
 
 @pytest.mark.parametrize(
@@ -453,7 +470,7 @@ def test_a_value_function_brings_its_step_size(value, alpha):
 def test_a_step_size_brings_its_values_and_yields_to_the_users(given):
     config = load_config(*given)
     assert (config.step_size, config.alpha, config.alpha_decay) == ("obgd", 0.1, 1)
-    assert load_config("step_size=obgd").alpha == 1
+    assert composed("step_size=obgd").alpha == 1
 
 
 @pytest.fixture

@@ -4,12 +4,12 @@ import pytest
 
 from fnnq_torchrl.config.identity import JobRuns, RunsSoFar
 from fnnq_torchrl.config.schema import PER_RUN
-from fnnq_torchrl.launch.composition import load_config
+from tests.compositions import config_of
 
 FROM_ONE = ("seed", "kappa", "adaptive_period", "adaptive_short", "adaptive_long")
 """Keys whose values must be at least 1, and the seed."""
 
-BASE = JobRuns.of(load_config("num_seeds=3"))
+BASE = JobRuns.of(config_of("num_seeds=3"))
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ BASE = JobRuns.of(load_config("num_seeds=3"))
     ["seed=7", "num_seeds=9", "resume=never", "checkpoint.snapshots=true", "logger=tensorboard"],
 )
 def test_the_same_configuration(override: str) -> None:
-    assert JobRuns.of(load_config(override)).configuration == BASE.configuration
+    assert JobRuns.of(config_of(override)).configuration == BASE.configuration
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ def test_the_same_configuration(override: str) -> None:
     ],
 )
 def test_another_configuration(override: str) -> None:
-    assert JobRuns.of(load_config(override)).configuration != BASE.configuration
+    assert JobRuns.of(config_of(override)).configuration != BASE.configuration
 
 
 def test_runs_are_new_once_per_configuration() -> None:

@@ -16,10 +16,10 @@ from fnnq_torchrl.engine.choice import choose_engine, make_engine
 from fnnq_torchrl.engine.lanes import LANES
 from fnnq_torchrl.engine.loops import EagerLoop
 from fnnq_torchrl.engine.native import build, cache_directory
-from fnnq_torchrl.launch.composition import load_config
+from tests.compositions import config_of
 
 CPU = torch.device("cpu")
-LITTLE, MUCH = load_config("situations=5"), load_config("situations=10000")
+LITTLE, MUCH = config_of("situations=5"), config_of("situations=10000")
 
 
 @pytest.fixture

@@ -426,16 +426,19 @@ def assert_learned_alike(compiled: Compiled, rtol: float, atol: float) -> None:
     assert state["weights", "weight"].abs().max() > 0.1
 
 
-@pytest.mark.parametrize(
-    ("dtype", "rtol", "atol", "trace"),
-    [("float32", 1e-4, 1e-5, "output"), ("float64", 1e-11, 1e-13, "gradient")],
-)
-def test_it_learns_what_the_eager_engine_learns(
-    trace: str, dtype: str, rtol: float, atol: float
-) -> None:
-    settings = config(f"trace={trace}", f"machine.dtype={dtype}")
-    stays = make_runs(settings, LANES, lam=torch.linspace(0, 1, LANES))
-    assert_learned_alike(compile_learning(settings, stays), rtol, atol)
+def test_it_learns_what_the_eager_engine_learns(batch: Compiled) -> None:
+    assert_learned_alike(batch, 1e-4, 1e-5)
+
+
+@pytest.fixture(scope="module")
+def double(compiler: None) -> Compiled:
+    settings = config("trace=gradient", "machine.dtype=float64")
+    stays = make_runs(settings, RUNS, lam=torch.linspace(0, 1, RUNS))
+    return compile_learning(settings, in_lanes(stays))
+
+
+def test_it_learns_in_double_precision_what_the_eager_engine_learns(double: Compiled) -> None:
+    assert_learned_alike(double, 1e-11, 1e-13)
 
 
 def test_it_learns_on_one_side_what_the_eager_engine_learns() -> None:
@@ -447,10 +450,12 @@ def test_it_learns_on_one_side_what_the_eager_engine_learns() -> None:
     "step_size",
     [
         "obgd",
-        "alpha_bound",
         "auto_tidbd",
         "swift",
-        *(pytest.param(rule, marks=pytest.mark.long) for rule in ("idbd", "autostep", "tidbd")),
+        *(
+            pytest.param(rule, marks=pytest.mark.long)
+            for rule in ("alpha_bound", "idbd", "autostep", "tidbd")
+        ),
     ],
 )
 def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: str) -> None:
@@ -464,7 +469,7 @@ def test_it_learns_by_steps_that_adapt_what_the_eager_engine_learns(step_size: s
     assert not different(state[:1], learn(many, STEPS)[13:14])
 
 
-@pytest.mark.parametrize("clock", ["steps", "situations"])
+@pytest.mark.parametrize("clock", [pytest.param("steps", marks=pytest.mark.long), "situations"])
 def test_it_learns_with_parameters_that_adapt_what_the_eager_engine_learns(clock: str) -> None:
     """A run alone is that of the batch, in which every setting of the scheme differs."""
     doya = ("adaptive=doya", "adaptive_beta=affine", f"adaptive_clock={clock}", "temperature=0.3")
@@ -512,9 +517,10 @@ LAYERS = ("value=mlp", "value.widths=[24, 24]", "alpha=0.05", "lam=0.8")
 @pytest.mark.parametrize(
     "overrides",
     [
-        ("value=tiles", "alpha=0.05"),
+        # What the long ones have, the others have, too.
+        pytest.param(("value=tiles", "alpha=0.05"), marks=pytest.mark.long),
         ("value=tiles", "value.memory=60", "alpha=0.05", "trace=replacing"),
-        (*LAYERS, "trace=gradient"),
+        pytest.param((*LAYERS, "trace=gradient"), marks=pytest.mark.long),
         (*LAYERS, "value.layer_norm=true", "step_size=obgd"),
     ],
     ids=["tiles", "hashed tiles", "two layers", "normalised layers"],
@@ -543,15 +549,20 @@ def test_inductor_learns_what_the_eager_engine_learns() -> None:
     assert_learned_alike(compile_learning(settings, stays, InductorLoop), 1e-4, 1e-5)
 
 
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
-def test_a_run_alone_is_the_run_in_any_batch(dtype: str) -> None:
-    settings = config(f"machine.dtype={dtype}")
-    stays = make_runs(settings, RUNS, lam=torch.linspace(0, 1, RUNS))
-    many, learner, loop = compile_learning(settings, in_lanes(stays))
-    alone = in_lanes(stays[13:14])
+@pytest.mark.parametrize(
+    ("precision", "keys"),
+    [("batch", ()), ("double", ("trace=gradient", "machine.dtype=float64"))],
+    ids=["float32", "float64"],
+)
+def test_a_run_alone_is_the_run_in_any_batch(
+    precision: str, keys: tuple[str, ...], request: pytest.FixtureRequest
+) -> None:
+    compiled: Compiled = request.getfixturevalue(precision)
+    many, _, loop = compiled
+    alone = in_lanes(many[13:14])
     assert len(alone) < len(many)
-    state = run(loop, alone, make_learner(settings, alone).begin(alone), LONGER)
-    assert not different(state[:1], learn((many, learner, loop), LONGER)[13:14])
+    state = run(loop, alone, make_learner(config(*keys), alone).begin(alone), LONGER)
+    assert not different(state[:1], learn(compiled, LONGER)[13:14])
 
 
 def test_a_program_of_another_world_is_another(batch: Compiled) -> None:

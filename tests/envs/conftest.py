@@ -8,19 +8,19 @@ from tensordict.nn import TensorDictModule
 from torch import Tensor
 
 from envs.robot.schemas import FollowBallConfig, FollowOneSideConfig
-from fnnq_torchrl.launch.composition import load_config
+from tests.compositions import config_of
 
 
 @pytest.fixture(scope="session")
 def world() -> FollowBallConfig:
     """The default world."""
-    return load_config().env
+    return config_of().env
 
 
 @pytest.fixture(scope="session")
 def one_side() -> FollowOneSideConfig:
     """The world whose balls start on one side, and later on the other."""
-    return load_config("env=follow_one_side").env
+    return config_of("env=follow_one_side").env
 
 
 @pytest.fixture(scope="session")

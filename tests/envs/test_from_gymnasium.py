@@ -14,6 +14,7 @@ from fnnq_torchrl.engine.choice import choose_engine
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.trainer import Trainer
 from tests.commands import fnnq_train
+from tests.compositions import config_of
 
 CAR = ("task=gymnasium", "env.id=MountainCarContinuous-v0", "action=even", "value=tiles")
 
@@ -53,7 +54,7 @@ def _registered():
 
 
 def make(*overrides: str, runs: int = 3) -> PureEnv:
-    config = load_config("task=gymnasium", *overrides)
+    config = config_of("task=gymnasium", *overrides)
     return make_world(config.env, [runs], seed=7, dtype=torch.float64)
 
 
@@ -136,12 +137,12 @@ def test_ranges_are_the_spaces_or_those_of_a_warm_up() -> None:
     low, high = world.usual["x1"]
     assert -10 < low < -0.5 < 0.5 < high < 10
     assert world.usual["x2"] == world.observations["x2"]
-    tiles = load_config("task=gymnasium", "value=tiles", "value.tiles=2").value
+    tiles = config_of("task=gymnasium", "value=tiles", "value.tiles=2").value
     assert tiles.inputs["x1"] == [low, high]
 
 
 def test_it_learns() -> None:
-    trainer = Trainer.of(load_config(*CAR, "situations=5", "num_seeds=2", "env.time_limit_steps=9"))
+    trainer = Trainer.of(config_of(*CAR, "situations=5", "num_seeds=2", "env.time_limit_steps=9"))
     trainer.learn()
     outcome = trainer.evaluate()
     assert (outcome.steps[:, -1] == 45).all()
@@ -164,7 +165,7 @@ def test_what_does_not_suit_is_told_in_one_line(overrides: tuple[str, ...], line
 
 
 def test_it_runs_eagerly_and_refuses_to_be_compiled() -> None:
-    assert choose_engine(load_config("task=gymnasium"), 1_000).name == "eager"
+    assert choose_engine(config_of("task=gymnasium"), 1_000).name == "eager"
     with pytest.raises(ConfigError, match="engine=compiled: env=gymnasium isn't plain torch"):
         choose_engine(load_config("task=gymnasium", "engine=compiled"), 1)
 

@@ -13,6 +13,7 @@ from fnnq_torchrl.engine.choice import choose_engine
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.results import read_evaluations
 from tests.commands import fnnq_train
+from tests.compositions import config_of
 
 HERE = "env.kind=torchrl:tests.envs.test_from_torchrl"
 PENDULUM = ("env.kind=torchrl:torchrl.envs:PendulumEnv", "action=even", "action.candidates=5")
@@ -67,7 +68,7 @@ class Rows(Toy):
 
 
 def make(*overrides: str, runs: int = 3) -> PureEnv:
-    config = load_config("task=torchrl", *overrides)
+    config = config_of("task=torchrl", *overrides)
     return make_world(config.env, [runs], seed=7, dtype=torch.float64)
 
 
@@ -124,7 +125,7 @@ def test_a_run_has_its_own_random_numbers_and_leaves_the_global_ones_alone(
     before = torch.get_rng_state()
     many = play(make(*toy), 9)
     assert torch.equal(torch.get_rng_state(), before)
-    config = load_config("task=torchrl", *toy)
+    config = config_of("task=torchrl", *toy)
     alone = play(make_world(config.env, [1], seed=8, dtype=torch.float64), 9)
     assert (many[:, 1:2] == alone).all()
     assert len(many["place_0"].unique()) == many["place_0"].numel()
@@ -167,7 +168,7 @@ def test_what_does_not_suit_is_told_in_one_line(overrides: tuple[str, ...], line
 
 
 def test_it_is_one_command_and_runs_eagerly(tmp_path) -> None:
-    assert choose_engine(load_config("task=torchrl", *CART_POLE), 1_000).name == "eager"
+    assert choose_engine(config_of("task=torchrl", *CART_POLE), 1_000).name == "eager"
     words = ("task=torchrl", f"{HERE}:Toy", "situations=5", "num_seeds=2", "evaluation=none")
     assert fnnq_train(*words, f"hydra.run.dir={tmp_path}") == 0
     evaluations = read_evaluations(tmp_path / "evaluations.csv")

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -44,10 +45,14 @@ DAMAGE = {
 """Damaged texts of evaluations.csv, by the names of the directories that have them."""
 
 
+@cache
+def settings_of_a_job() -> str:
+    return OmegaConf.to_yaml(OmegaConf.create(asdict(load_config("lam=0.9"))))
+
+
 def finished_job(job: Path, evaluations: str) -> None:
     (job / ".hydra").mkdir(parents=True)
-    config = OmegaConf.create(asdict(load_config("lam=0.9")))
-    (job / ".hydra" / "config.yaml").write_text(OmegaConf.to_yaml(config))
+    (job / ".hydra" / "config.yaml").write_text(settings_of_a_job())
     (job / "evaluations.csv").write_text(evaluations)
     (job / "summary.json").write_text("{}")
 

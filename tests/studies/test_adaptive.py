@@ -9,8 +9,14 @@ from fnnq_torchrl.studies.adaptive.command import main
 from fnnq_torchrl.studies.adaptive.page import write_page
 from fnnq_torchrl.studies.adaptive.scheme import held_back, read_scheme
 from fnnq_torchrl.studies.adaptive.weights import Weights, weights_part
-from fnnq_torchrl.studies.experiments import Experiment, Job, NoResults, newest_experiment
-from tests.experiment_files import EXPERIMENTS, Settings, grid, write_experiment
+from fnnq_torchrl.studies.experiments import Experiment, Job, NoResults
+from tests.experiment_files import (
+    EXPERIMENTS,
+    Settings,
+    grid,
+    invent_experiment,
+    write_experiment,
+)
 
 ALPHAS = "0.1,0.2,0.4"
 JOBS = [
@@ -48,26 +54,31 @@ def level(settings: Settings) -> float:
     return 4.0 - 5 * abs(settings["alpha"] - 0.2) - 2 * (settings["step_size"] == "constant")
 
 
-def invented(directory: Path, name: str, jobs: list[tuple[str, ...]], runs: int = 60) -> Experiment:
-    write_experiment(directory / name / "2026-01-02_03-04-05", jobs, level, runs)
-    return newest_experiment(directory, name)
+def invented(name: str, jobs: list[tuple[str, ...]], runs: int = 60) -> Experiment:
+    return invent_experiment(name, jobs, level, runs)
 
 
 @pytest.fixture(scope="module")
-def adaptive(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
-    return invented(tmp_path_factory.mktemp("outputs"), "adaptive", JOBS)
+def adaptive() -> Experiment:
+    return invented("adaptive", JOBS)
 
 
 @pytest.fixture(scope="module")
-def stability(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
-    return invented(tmp_path_factory.mktemp("outputs"), "stability", STABILITY)
+def stability() -> Experiment:
+    return invented("stability", STABILITY)
+
+
+OF_WEIGHTS = {"step_sizes": STEP_SIZES, "meta_step_sizes": META, "step_sizes_car": CAR}
 
 
 @pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> Weights:
-    directory = tmp_path_factory.mktemp("outputs")
-    jobs = {"step_sizes": STEP_SIZES, "meta_step_sizes": META, "step_sizes_car": CAR}
-    return weights_part(*(invented(directory, name, of) for name, of in jobs.items()))
+def of_weights() -> dict[str, Experiment]:
+    return {name: invented(name, jobs) for name, jobs in OF_WEIGHTS.items()}
+
+
+@pytest.fixture(scope="module")
+def weights(of_weights: dict[str, Experiment]) -> Weights:
+    return weights_part(*of_weights.values())
 
 
 def test_the_best_alpha_is_chosen_by_one_half_and_judged_by_the_other(adaptive: Experiment) -> None:
@@ -173,20 +184,23 @@ def test_diverged_runs_are_shown_by_alpha(
     assert "runs diverged: 7 of 180 with constant α, 0 of 180 with ObGD, over all α." in page
 
 
-def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    jobs = {"adaptive": JOBS, "stability": STABILITY, "step_sizes": STEP_SIZES}
-    jobs |= {"meta_step_sizes": META, "step_sizes_car": CAR}
-    adaptive, stability, *of_weights = (
-        invented(tmp_path, name, of, runs=4) for name, of in jobs.items()
-    )
+def test_the_command(
+    adaptive: Experiment,
+    stability: Experiment,
+    of_weights: dict[str, Experiment],
+    weights: Weights,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = {"adaptive": adaptive, "stability": stability, **of_weights}
+    command = "fnnq_torchrl.studies.adaptive.command"
+    monkeypatch.setattr(f"{command}.newest_experiment", lambda root, name: found[name])
+    monkeypatch.setattr(f"{command}.weights_part", lambda *read: weights)
+    monkeypatch.setattr(f"{command}.draw", lambda what, where: where.mkdir(parents=True))
     to = tmp_path / "docs"
-    monkeypatch.setattr(
-        "fnnq_torchrl.studies.adaptive.command.draw", lambda what, where: where.mkdir(parents=True)
-    )
-    monkeypatch.setattr("sys.argv", ["adaptive", "--results", str(tmp_path), "--to", str(to)])
+    monkeypatch.setattr("sys.argv", ["adaptive", "--to", str(to)])
     main()
-    page = write_page(adaptive, stability, weights_part(*of_weights))
-    assert (to / "adaptive.md").read_text() == page
+    assert (to / "adaptive.md").read_text() == write_page(adaptive, stability, weights)
 
 
 def test_what_is_missing_is_one_line(
@@ -202,9 +216,10 @@ def test_what_is_missing_is_one_line(
     assert re.search(
         r"adaptive has no finished results: .*=adaptive$", capsys.readouterr().err, re.MULTILINE
     )
-    few = invented(tmp_path, "adaptive", JOBS, runs=3)
+    few = invented("adaptive", JOBS, runs=3)
     with pytest.raises(ValueError, match=r"^3 runs are too few: half of them choose"):
         write_page(few, stability, weights)
+    write_experiment(tmp_path / "adaptive" / "2026-01-02_03-04-05", JOBS[:1], level, runs=3)
     with pytest.raises(SystemExit):
         main()
     assert re.search(
@@ -214,4 +229,4 @@ def test_what_is_missing_is_one_line(
 
 def test_a_missing_job_is_told(tmp_path: Path, stability: Experiment, weights: Weights) -> None:
     with pytest.raises(NoResults, match=r"0 jobs with step_size=constant lam=0\.8 alpha=0\.4"):
-        write_page(invented(tmp_path, "adaptive", JOBS[:-1], runs=4), stability, weights)
+        write_page(invented("adaptive", JOBS[:-1], runs=4), stability, weights)

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from matplotlib.text import Text
 
-from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
+from fnnq_torchrl.studies.experiments import Experiment, NoResults
 from fnnq_torchrl.studies.figures.command import main
 from fnnq_torchrl.studies.figures.gallery import FIGURES, draw
 from fnnq_torchrl.studies.figures.job_words import change_words, job_words
@@ -16,7 +16,13 @@ from fnnq_torchrl.studies.figures.outliers import FAR, limits
 from fnnq_torchrl.studies.figures.readings import norms
 from fnnq_torchrl.studies.measures import MEASURES
 from fnnq_torchrl.studies.statistics import bootstrap_interval
-from tests.experiment_files import grid, write_experiment
+from tests.experiment_files import (
+    EXPERIMENTS,
+    grid,
+    invent_experiment,
+    paper_level,
+    write_experiment,
+)
 from tests.studies.test_figures import texts
 
 Experiments = dict[str, Experiment]
@@ -78,16 +84,15 @@ def test_only_a_value_far_below_the_others_is_left_out(
     assert (values[-1] < found.low) == (ratio > FAR)
 
 
-def test_values_below_an_axis_are_told_beside_it(tmp_path: Path) -> None:
+def test_values_below_an_axis_are_told_beside_it() -> None:
     jobs = grid({"trace": "output,gradient", "lam": "0,0.2,0.4,0.6,1"})
     low = ("output", 1.0)
-    write_experiment(
-        tmp_path / "traces" / "2026-01-02_03-04-05",
+    traces = invent_experiment(
+        "traces",
         jobs,
         lambda job: 0.5 if (job["trace"], job["lam"]) == low else 4.5 + job["lam"] / 10,
         runs=20,
     )
-    traces = newest_experiment(tmp_path, "traces")
     figure = lines_figure(traces, "lam", "trace", ["mean_score"])
     (axes,) = figure.axes
     bottom = axes.get_ylim()[0]
@@ -122,8 +127,7 @@ def test_rows_name_what_sets_them_apart(experiments: Experiments) -> None:
 
 def test_one_run_has_no_interval_but_a_picture(tmp_path: Path) -> None:
     jobs = grid({"trace": "output,gradient", "lam": "0,0.3"})
-    write_experiment(tmp_path / "traces" / "2026-01-02_03-04-05", jobs, lambda settings: 3, runs=1)
-    traces = newest_experiment(tmp_path, "traces")
+    traces = invent_experiment("traces", jobs, lambda settings: 3, runs=1)
     files = draw({"traces": traces}, tmp_path / "figures")
     assert [path.name for path in files] == ["traces.png", "traces.svg"]
     assert all(path.stat().st_size > 1000 for path in files)
@@ -137,26 +141,28 @@ def test_the_same_results_give_the_same_files(experiments: Experiments, tmp_path
 
 
 def test_the_command(
-    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    arguments = ["--results", str(results), "--to", str(tmp_path)]
+    results, figures = tmp_path / "outputs", tmp_path / "figures"
+    write_experiment(results / "fig3" / "2026-01-02_03-04-05", EXPERIMENTS["fig3"], paper_level, 3)
+    arguments = ["--results", str(results), "--to", str(figures)]
     monkeypatch.setattr("sys.argv", ["figures", "fig3", *arguments])
     main()
-    assert {path.name for path in tmp_path.iterdir()} == {"fig3.png", "fig3.svg"}
+    assert {path.name for path in figures.iterdir()} == {"fig3.png", "fig3.svg"}
     monkeypatch.setattr("sys.argv", ["figures", "fig7", *arguments])
     with pytest.raises(SystemExit) as left:
         main()
     assert left.value.code == 2
     assert "there is no figure fig7; there is fig2, fig3" in capsys.readouterr().err
-    monkeypatch.setattr("sys.argv", ["figures", "fig3", "--results", str(tmp_path)])
+    monkeypatch.setattr("sys.argv", ["figures", "fig3", "--results", str(figures)])
     with pytest.raises(SystemExit) as left:
         main()
     assert left.value.code == 2
     assert "fig3 has no finished results" in capsys.readouterr().err
 
 
-def test_a_missing_combination_is_told(tmp_path: Path) -> None:
+def test_a_missing_combination_is_told() -> None:
     jobs = grid({"trace": "output,gradient", "lam": "0,0.3"})[:-1]
-    write_experiment(tmp_path / "traces" / "2026-01-02_03-04-05", jobs, lambda settings: 3, runs=2)
+    traces = invent_experiment("traces", jobs, lambda settings: 3, runs=2)
     with pytest.raises(NoResults, match=r"0 jobs with lam=0\.3 trace=gradient"):
-        FIGURES["traces"][1](newest_experiment(tmp_path, "traces"))
+        FIGURES["traces"][1](traces)

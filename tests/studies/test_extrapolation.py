@@ -11,7 +11,7 @@ import torch
 
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.studies.experiments import NoResults, newest_experiment
+from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
 from fnnq_torchrl.studies.extrapolation.command import main, measure
 from fnnq_torchrl.studies.extrapolation.conclusions import (
     above,
@@ -283,13 +283,22 @@ Measured = tuple[list[Findings], list[FirstSide]]
 
 
 @pytest.fixture(scope="module")
-def measured(extrapolation_results: Path) -> Measured:
-    return measure(newest_experiment(extrapolation_results, "extrapolation"))
+def experiment(extrapolation_results: Path) -> Experiment:
+    return newest_experiment(extrapolation_results, "extrapolation")
 
 
-def test_the_page_is_whole(extrapolation_results: Path, measured: Measured) -> None:
+@pytest.fixture(scope="module")
+def sweep(extrapolation_results: Path) -> Experiment:
+    return newest_experiment(extrapolation_results, "value_functions")
+
+
+@pytest.fixture(scope="module")
+def measured(experiment: Experiment) -> Measured:
+    return measure(experiment)
+
+
+def test_the_page_is_whole(sweep: Experiment, measured: Measured) -> None:
     findings, constant = measured
-    sweep = newest_experiment(extrapolation_results, "value_functions")
     page = write_page(findings, constant, sweep)
     for table in re.findall(r"(?:^\|.*\n)+", page, re.MULTILINE):
         assert len({line.count("|") for line in table.splitlines()}) == 1
@@ -320,11 +329,10 @@ def test_the_command(
     assert names == {f"{name}{suffix}" for name in FIGURES for suffix in (".png", ".svg")}
 
 
-def test_step_sizes_that_are_not_the_best_are_told(extrapolation_results: Path) -> None:
-    best = best_steps(newest_experiment(extrapolation_results, "value_functions"))
+def test_step_sizes_that_are_not_the_best_are_told(sweep: Experiment) -> None:
+    best = best_steps(sweep)
     assert best["mlp"].alpha == 0.1
     assert best["mlp"].among == [0.05, 0.1, 0.2]
-    sweep = newest_experiment(extrapolation_results, "value_functions")
     job = next(j for j in sweep.jobs if j.config.value.kind == "mlp" and j.config.alpha == 0.1)
     assert best["mlp"].score.value == job.evaluations.mean_score[RUNS // 2 :].mean()
     assert step_words(best, "mlp", 0.1)[-1] == ""
@@ -345,7 +353,7 @@ def test_runs_of_another_experiment_are_refused(change: dict[str, Any]) -> None:
 
 
 def test_runs_that_diverged_count_as_catching_nothing_and_have_no_q(
-    extrapolation_results: Path, measured: Measured
+    sweep: Experiment, measured: Measured
 ) -> None:
     whole = measured[0][0]
     diverged = np.zeros_like(whole.learner.diverged)
@@ -362,7 +370,6 @@ def test_runs_that_diverged_count_as_catching_nothing_and_have_no_q(
     np.testing.assert_array_equal(np.delete(found.caught - whole.caught, 1, axis=0), 0)
     np.testing.assert_array_equal(found.first_side.kept, np.delete(whole.first_side.kept, 1))
     others = [found, *measured[0][1:]]
-    sweep = newest_experiment(extrapolation_results, "value_functions")
     of_constant = np.zeros_like(measured[1][0].diverged)
     of_constant[:2, 1] = True
     constant = [replace(measured[1][0], diverged=of_constant), *measured[1][1:]]
@@ -375,9 +382,8 @@ def test_runs_that_diverged_count_as_catching_nothing_and_have_no_q(
 
 
 def test_each_value_function_must_be_there_with_both_kinds_of_decay(
-    extrapolation_results: Path,
+    experiment: Experiment,
 ) -> None:
-    experiment = newest_experiment(extrapolation_results, "extrapolation")
     parts = [experiment.where("alpha_decay", decay) for decay in (1.0, 0.99)]
     parts.append(experiment.where("value.kind", "mlp"))
     for part in parts:
@@ -386,7 +392,6 @@ def test_each_value_function_must_be_there_with_both_kinds_of_decay(
 
 
 def test_results_without_snapshots_are_one_line(
-    extrapolation_results: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

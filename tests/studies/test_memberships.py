@@ -4,12 +4,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fnnq_torchrl.studies.experiments import NoResults, newest_experiment
+from fnnq_torchrl.studies.experiments import NoResults
 from fnnq_torchrl.studies.memberships.command import main
 from fnnq_torchrl.studies.memberships.page import better_words, write_page
 from fnnq_torchrl.studies.memberships.sources import Source, read_sources
 from fnnq_torchrl.studies.statistics import Interval
-from tests.experiment_files import Settings, grid, write_experiment
+from tests.experiment_files import Settings, grid, invent_experiment, write_experiment
 
 ALPHAS = "0.1,0.2,0.4"
 JOBS = [
@@ -30,9 +30,8 @@ def invented(name: str, score: float, labels: int, clustered: bool = False) -> S
     return Source(name, clustered, [[0.0, 0.1]] * labels, 0.2, scores, 80, [0.2, 0.4], 0)
 
 
-def test_sources_are_read_from_jobs(tmp_path: Path) -> None:
-    write_experiment(tmp_path / "memberships" / "2026-01-02_03-04-05", JOBS, level, runs=20)
-    experiment = newest_experiment(tmp_path, "memberships")
+def test_sources_are_read_from_jobs() -> None:
+    experiment = invent_experiment("memberships", JOBS, level, runs=20)
     sources = read_sources(experiment)
     assert [each.name for each in sources] == ["by hand", "even", "by hand, then by gradient"]
     for each, jobs in zip(sources, (JOBS[:3], JOBS[3:6], JOBS[6:]), strict=True):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from envs.pictures import Figure
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.studies.experiments import Experiment, newest_experiment
 from fnnq_torchrl.studies.meta_learning.ball import SCHEMES, compare, recoveries
 from fnnq_torchrl.studies.meta_learning.command import main
@@ -24,7 +23,8 @@ from fnnq_torchrl.training.pictures.parameters import parameters_figure
 from fnnq_torchrl.training.results import Evaluations, write_evaluations
 from fnnq_torchrl.training.score import Score
 from fnnq_torchrl.training.solved import COLUMNS, read_solved
-from tests.experiment_files import Settings, grid, write_experiment
+from tests.compositions import config_of
+from tests.experiment_files import Settings, grid, invent_experiment
 
 ALPHAS = "0.1,0.4"
 ADAPTIVE = {"adaptive_clock": "steps,situations", "alpha": ALPHAS}
@@ -47,16 +47,13 @@ def level(settings: Settings) -> float:
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("outputs")
-    for name, jobs in (("meta_learning", BALL), ("changing_ball", CHANGING)):
-        write_experiment(root / name / "2026-01-02_03-04-05", jobs, level, RUNS)
-    return root
+def ball() -> Experiment:
+    return invent_experiment("meta_learning", BALL, level, RUNS)
 
 
 @pytest.fixture(scope="module")
-def ball(results: Path) -> Experiment:
-    return newest_experiment(results, "meta_learning")
+def changing() -> Experiment:
+    return invent_experiment("changing_ball", CHANGING, level, RUNS)
 
 
 def columns(**runs: list[float]) -> dict[str, np.ndarray]:
@@ -102,8 +99,7 @@ def test_schemes_are_compared_with_the_papers_over_the_same_seeds(ball: Experime
         assert found[name].over_alphas.low > 0.5
 
 
-def test_the_scores_around_a_change(results: Path) -> None:
-    changing = newest_experiment(results, "changing_ball")
+def test_the_scores_around_a_change(changing: Experiment) -> None:
     found = recoveries(changing, {"env.swap_wheels": True})["constant α"]
     jobs = [
         job
@@ -153,18 +149,22 @@ def test_a_cut_file_of_solved_tasks_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_command_writes_the_page_and_prints_the_table(
-    results: Path,
+    ball: Experiment,
+    changing: Experiment,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    sweep = results / "doya" / "2026-01-02_03-04-05"
-    write_ring(sweep)
-    arguments = ["meta_learning", "--results", str(results), "--to", str(tmp_path)]
+    write_ring(tmp_path / "doya" / "2026-01-02_03-04-05")
+    doya = newest_experiment(tmp_path, "doya")
+    found = {"doya": doya, "meta_learning": ball, "changing_ball": changing}
+    command = "fnnq_torchrl.studies.meta_learning.command"
+    monkeypatch.setattr(f"{command}.newest_experiment", lambda root, name: found[name])
+    arguments = ["meta_learning", "--to", str(tmp_path)]
     monkeypatch.setattr("sys.argv", [*arguments, "--ring"])
     main()
     rows = capsys.readouterr().out.splitlines()
-    assert len(rows) == 2 + len(read_shares(newest_experiment(results, "doya")))
+    assert len(rows) == 2 + len(read_shares(doya))
     assert "| exponential | 83.7 % | 50.0 % |" in rows[2]
     monkeypatch.setattr("sys.argv", arguments)
     main()
@@ -179,7 +179,7 @@ def write_ring(sweep: Path) -> None:
     """Write two jobs on the ring, in which every other run has a stable solution."""
     runs = 100
     for number, beta in enumerate(("exponential", "affine")):
-        config = load_config(
+        config = config_of(
             *("task=ring", "adaptive=doya", "env.states=4", "temperature=1"),
             f"adaptive_beta={beta}",
         )

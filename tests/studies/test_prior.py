@@ -1,5 +1,6 @@
 """The page on prior knowledge, written from made-up results."""
 
+import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -7,16 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-import yaml
 
 from fnnq_torchrl import prior
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
 from fnnq_torchrl.studies.prior.arms import NOTHING, ROUGH, WRONG, find, read_arms
 from fnnq_torchrl.studies.prior.page import write_page
 from fnnq_torchrl.training.results import write_evaluations
 from fnnq_torchrl.training.start import read_start
 from fnnq_torchrl.training.weights import save_checkpoint
+from tests.compositions import config_of
 from tests.experiment_files import invented
 
 RUNS = 40
@@ -36,13 +36,13 @@ LEVELS = {
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Made-up jobs, in all of which the runs learned the rough controller."""
     root = tmp_path_factory.mktemp("outputs")
-    rough = read_start(load_config("rules=rough"))
+    rough = read_start(config_of("rules=rough"))
     assert rough is not None
     for number, (overrides, level) in enumerate(LEVELS.items()):
         directory = root / "prior" / "2026-01-02_03-04-05" / str(number)
         (directory / ".hydra").mkdir(parents=True)
-        settings = asdict(load_config(*overrides, f"num_seeds={RUNS}"))
-        (directory / ".hydra" / "config.yaml").write_text(yaml.safe_dump(settings))
+        settings = asdict(config_of(*overrides, f"num_seeds={RUNS}"))
+        (directory / ".hydra" / "config.yaml").write_text(json.dumps(settings))
         write_evaluations(directory / "evaluations.csv", invented(settings, level))
         weights = rough.consequents.expand(RUNS, 5, 4).float().clone()
         save_checkpoint(

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
+from fnnq_torchrl.studies.experiments import Experiment, NoResults
 from fnnq_torchrl.studies.figures.gallery import FIGURES as GALLERY
 from fnnq_torchrl.studies.measures import MEASURES
 from fnnq_torchrl.studies.reproduction.claims import CLAIMS, Claim, Comparison, Expected
@@ -23,7 +23,7 @@ from fnnq_torchrl.studies.reproduction.verdicts import (
 )
 from tests.experiment_files import EXPERIMENTS as INVENTED
 from tests.experiment_files import LAMS as ALL_LAMS
-from tests.experiment_files import Level, Settings, grid, paper_level, write_experiment
+from tests.experiment_files import Level, Settings, grid, invent_experiment, paper_level
 
 LAMS = ALL_LAMS.split(",")
 HOLDS, BARELY, PART = Verdict.HOLDS, Verdict.BARELY, Verdict.PART
@@ -95,12 +95,9 @@ def test_a_comparison_is_of_the_same_seeds(pool: Pool) -> None:
     assert compare(pool, LAM_MATTERS, {"trace": "gradient"}, None).runs == 12
 
 
-def test_other_seeds_are_no_pairs(tmp_path: Path) -> None:
-    sweep = tmp_path / "fig2" / "2026-01-02_03-04-05"
-    write_experiment(sweep, grid({"lam": "0.1,0.4"}), paper_level, 3)
-    path = sweep / "0" / "evaluations.csv"
-    path.write_text(path.read_text().replace("\n0,", "\n7,"))
-    experiment = newest_experiment(tmp_path, "fig2")
+def test_other_seeds_are_no_pairs() -> None:
+    experiment = invent_experiment("fig2", grid({"lam": "0.1,0.4"}), paper_level, 3)
+    experiment.jobs[0].evaluations.seed[0] = 7
     pool = Pool(default_settings(experiment, {"lam": 0.2}), [experiment])
     with pytest.raises(NoResults, match="different seeds"):
         compare(pool, LAM_MATTERS, {}, None)
@@ -217,12 +214,8 @@ def unlike_the_paper(settings: Settings) -> float:
     [(paper_level, HOLDS), (unlike_the_paper, FAILS)],
     ids=["like the paper", "unlike it"],
 )
-def test_a_claim_fails_where_the_runs_say_so(
-    tmp_path: Path, level: Level, expected: Verdict
-) -> None:
-    sweep = tmp_path / "fig2" / "2026-01-02_03-04-05"
-    write_experiment(sweep, INVENTED["fig2"], level, 60)
-    experiment = newest_experiment(tmp_path, "fig2")
+def test_a_claim_fails_where_the_runs_say_so(level: Level, expected: Verdict) -> None:
+    experiment = invent_experiment("fig2", INVENTED["fig2"], level, 60)
     pool = Pool(default_settings(experiment, {"lam": 0.2}), [experiment])
     [degrades] = [claim for claim in CLAIMS if "degrades" in claim.words]
     assert quick_verdict(pool, degrades, {}) == (expected, 60)

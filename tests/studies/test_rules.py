@@ -13,8 +13,7 @@ from matplotlib import rc_context
 from matplotlib.patches import Rectangle
 
 from fnnq_torchrl import RuleBase, load_rules, plot, rules
-from fnnq_torchrl.launch.composition import load_config
-from fnnq_torchrl.studies.rules import pictures
+from fnnq_torchrl.studies.rules import pictures, plot_command
 from fnnq_torchrl.studies.rules.job import choose, read_job
 from fnnq_torchrl.studies.rules.page import BEGIN, END, write_faithfulness
 from fnnq_torchrl.studies.rules.reading import read_run
@@ -22,9 +21,10 @@ from fnnq_torchrl.studies.rules.replay import greedy, replay
 from fnnq_torchrl.training.job import run_job
 from fnnq_torchrl.training.results import read_evaluations
 from fnnq_torchrl.training.weights import load_checkpoint
+from tests.compositions import config_of
 from tests.programs import SMALL_WORLD
 
-CONFIG = load_config(
+CONFIG = config_of(
     "situations=20", "num_seeds=3", "engine=eager", "checkpoint.snapshots=true", *SMALL_WORLD
 )
 
@@ -92,7 +92,7 @@ def test_sums_and_learned_labels(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     few = ("situations=5", "num_seeds=2", "engine=eager", "checkpoint.snapshots=true")
-    run_job(load_config(*few, *keys), tmp_path)
+    run_job(config_of(*few, *keys), tmp_path)
     capsys.readouterr()
     job = read_job(tmp_path)
     played = replay(job, job.seeds, job.weights, lambda each: greedy(job, each))
@@ -114,6 +114,7 @@ def test_sums_and_learned_labels(
         trained = float(row.get("fired_while_learning", row["fired"]))
         assert row["hardly_trained"] == str(trained < 1)
     (tmp_path / "p").mkdir()
+    monkeypatch.setattr(plot_command, "save", lambda figure, picture: picture.touch())
     assert run(plot, monkeypatch, *which, f"to={tmp_path / 'p'}") == 0
     assert len([*(tmp_path / "p").iterdir()]) == 4
     assert run(rules, monkeypatch, *which, f"export={tmp_path / 'q.json'}") == 0
@@ -127,7 +128,7 @@ def test_sums_and_learned_labels(
 def test_an_episode_among_obstacles_has_a_path_and_room_for_long_premises(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    config = load_config(
+    config = config_of(
         "task=follow_obstacles",
         "situations=5",
         "evaluation.every=5",

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.studies.experiments import NoResults, read_experiment
 from fnnq_torchrl.studies.rules.comparison import Comparison, compare
 from fnnq_torchrl.studies.rules.job import read_job
@@ -16,6 +15,7 @@ from fnnq_torchrl.studies.simulator.page import write_page
 from fnnq_torchrl.studies.simulator.rules import by_distance, outcomes, read_rules
 from fnnq_torchrl.training.results import write_evaluations
 from fnnq_torchrl.training.weights import save_checkpoint
+from tests.compositions import config_of
 from tests.experiment_files import invented
 
 HUNT = "task=follow_obstacles"
@@ -39,7 +39,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number, (overrides, level) in enumerate(JOBS.items()):
         job = directory / str(number)
         (job / ".hydra").mkdir(parents=True)
-        settings = asdict(load_config(*overrides, f"num_seeds={RUNS}", "env.time_limit_steps=60"))
+        settings = asdict(config_of(*overrides, f"num_seeds={RUNS}", "env.time_limit_steps=60"))
         (job / ".hydra" / "config.yaml").write_text(json.dumps(settings))
         evaluations = invented(settings, level)
         lengths = np.full(evaluations.lengths.shape, 400.0)

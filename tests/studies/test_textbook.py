@@ -9,7 +9,6 @@ import pytest
 import torch
 from matplotlib.collections import PathCollection
 
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.studies.experiments import Experiment, NoResults, read_experiment
 from fnnq_torchrl.studies.textbook.page import write_page
 from fnnq_torchrl.studies.textbook.pictures import car_figure, walk_figure
@@ -19,13 +18,14 @@ from fnnq_torchrl.studies.textbook.walk import read_errors, root_mean_square, tr
 from fnnq_torchrl.training.results import Evaluations, write_evaluations
 from fnnq_torchrl.training.trainer import Trainer
 from fnnq_torchrl.training.weights import save_snapshots
+from tests.compositions import config_of
 
 RUNS = 40
 
 
 def write_job(directory: Path, overrides: list[str], number: float) -> None:
     """Write a finished job whose runs have a return and a length around a number."""
-    settings = asdict(load_config(*overrides, f"num_seeds={RUNS}"))
+    settings = asdict(config_of(*overrides, f"num_seeds={RUNS}"))
     (directory / ".hydra").mkdir(parents=True)
     (directory / ".hydra" / "config.yaml").write_text(json.dumps(settings))
     scores = number + np.linspace(-1, 1, RUNS)[:, None] * [np.nan, 1.0]
@@ -98,7 +98,7 @@ def test_the_lambda_return_of_a_walk_by_hand() -> None:
 
 def test_td_lambda_makes_the_changes_of_the_lambda_return_if_alpha_is_small() -> None:
     """While V stays as it is, the traces' changes add up to those of the λ-returns."""
-    [walk] = walks(load_config("task=random_walk", "env.states=5").env, np.arange(3), 1)
+    [walk] = walks(config_of("task=random_walk", "env.states=5").env, np.arange(3), 1)
     values = np.random.default_rng(0).normal(size=(3, 5))
     lam, alpha = 0.7, 1e-7
     changed = (learned(values, walk, lam, alpha) - values) / alpha
@@ -114,7 +114,7 @@ def test_td_lambda_makes_the_changes_of_the_lambda_return_if_alpha_is_small() ->
 
 
 def test_the_walks_are_those_of_the_learning_runs() -> None:
-    config = load_config("task=random_walk", "situations=3", "num_seeds=4", "engine=eager")
+    config = config_of("task=random_walk", "situations=3", "num_seeds=4", "engine=eager")
     trainer = Trainer.of(config)
     trainer.learn()
     taken = walks(config.env, np.arange(4), 3)

@@ -1,5 +1,6 @@
 """The page on value functions, written from made-up results."""
 
+import json
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -7,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-import yaml
 
 from fnnq_torchrl import values
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.values import SCHEMAS
-from fnnq_torchrl.launch.composition import load_config
-from fnnq_torchrl.studies.experiments import NoResults, newest_experiment
+from fnnq_torchrl.studies.experiments import Experiment, NoResults, newest_experiment
+from fnnq_torchrl.studies.values import command
 from fnnq_torchrl.studies.values import page as page_module
 from fnnq_torchrl.studies.values.aloud import read_aloud
 from fnnq_torchrl.studies.values.learners import (
@@ -27,6 +27,7 @@ from fnnq_torchrl.studies.values.learners import (
 )
 from fnnq_torchrl.training.results import Evaluations, write_evaluations
 from fnnq_torchrl.training.weights import save_checkpoint
+from tests.experiment_files import changed_config
 
 RUNS = 6
 CAR, POLE, ACROBOT = WORLDS
@@ -36,9 +37,9 @@ AFTER = {CAR: 100.0, POLE: 450.0, ACROBOT: 80.0, BALL: 4.5}
 
 def write_job(directory: Path, overrides: list[str], numbers: list[float]) -> None:
     """Write a finished job whose measure is about these numbers at its evaluations."""
-    settings = asdict(config := load_config(*overrides, f"num_seeds={RUNS}"))
+    settings = asdict(config := changed_config(tuple(overrides), RUNS))
     (directory / ".hydra").mkdir(parents=True)
-    (directory / ".hydra" / "config.yaml").write_text(yaml.safe_dump(settings))
+    (directory / ".hydra" / "config.yaml").write_text(json.dumps(settings))
     measured = np.add.outer(np.linspace(-0.5, 0.5, RUNS), np.array(numbers))
     shape = measured.shape
     evaluations = Evaluations(
@@ -86,9 +87,14 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def learners(results: Path) -> list[Learner]:
-    sweep, judged = (newest_experiment(results, name) for name in ("values_sweep", "values"))
-    return read_learners(sweep, judged)
+def found(results: Path) -> dict[tuple[Path, str], Experiment]:
+    names = ("values_sweep", "values")
+    return {(results, name): newest_experiment(results, name) for name in names}
+
+
+@pytest.fixture(scope="module")
+def learners(found: dict[tuple[Path, str], Experiment]) -> list[Learner]:
+    return read_learners(*found.values())
 
 
 def test_the_learners(learners: list[Learner]) -> None:
@@ -127,8 +133,12 @@ def test_the_controllers_are_read(learners: list[Learner]) -> None:
 
 
 def test_the_command_writes_the_page(
-    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    results: Path,
+    found: dict[tuple[Path, str], Experiment],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(command, "newest_experiment", lambda root, name: found[root, name])
     reasons = {("cart_pole", "table"): "Cells are large."}
     monkeypatch.setattr(page_module, "_WHY", reasons)
     told = ["values", "--results", str(results), "--to", str(tmp_path)]

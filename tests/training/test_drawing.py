@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from matplotlib import rc_context
 from fnnq_torchrl.training import drawing
 from fnnq_torchrl.training.job import run_batches, run_job
 from fnnq_torchrl.training.jobs import Job
+from fnnq_torchrl.training.pictures import curves
+from fnnq_torchrl.training.pictures.curves import learning_curve
 from tests.job_files import write_job
 from tests.programs import config as load_config
 
@@ -23,6 +26,14 @@ from fnnq_torchrl.training.jobs import Job
 draw_job(Job(load_config("situations=40"), Path("job")))
 """
 LATIN_1 = "font.family: sansérif\n".encode("latin-1")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def not_blank() -> Iterator[None]:
+    """Draw, unlike in all other tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(curves, "learning_curve", learning_curve)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +91,6 @@ def broken(*arguments: object) -> None:
 def test_a_picture_that_cannot_be_drawn_takes_no_number_along(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from fnnq_torchrl.training.pictures import curves
-
     monkeypatch.setattr(curves, "learning_curve", broken)
     config = load_config("situations=5")
     jobs = [Job(replace(config, seed=seed), tmp_path / str(seed)) for seed in range(2)]

@@ -9,8 +9,8 @@ from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.engine.choice import make_engine
 from fnnq_torchrl.engine.scheduler import work_through
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.evaluation import FIRST_EPISODE, GreedyTest, Playing, no_results
+from tests.compositions import config_of
 from tests.oracles import peng
 from tests.oracles.follow_ball import FollowBallTwin
 from tests.oracles.fuzzy import action_value
@@ -106,7 +106,7 @@ def test_counts_what_playing_one_situation_after_the_other_catches(weights: Tens
 def test_a_rule_base_that_steers_towards_the_ball_catches_it_always() -> None:
     untrained = torch.zeros(5, 4).double()
     weights = torch.stack([followers_weights(), -followers_weights(), untrained])
-    [catches] = play(load_config(), weights.unsqueeze(0))
+    [catches] = play(config_of(), weights.unsqueeze(0))
     assert catches.dtype == torch.int64
     assert catches.tolist()[:2] == [5, 0]
     assert catches[2] <= 1

@@ -12,6 +12,7 @@ from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.job import run_job
 from fnnq_torchrl.training.trainer import Trainer
 from tests.commands import fnnq_train
+from tests.compositions import config_of
 from tests.disks import mounted
 from tests.programs import saved_training
 
@@ -22,7 +23,7 @@ TINY = ("situations=5", "env.time_limit_steps=4", "engine=eager", "checkpoint.ev
 def disk(tmp_path: Path) -> Iterator[Path]:
     """Mount a disk of 64 KiB that has a saved training."""
     with mounted(tmp_path / "disk", "size=64k") as place:
-        config = load_config(*TINY)
+        config = config_of(*TINY)
         trainer = Trainer.of(config)
         saved_training(place, config).save(trainer.ledger, [])
         yield place
@@ -62,7 +63,7 @@ def test_the_last_good_checkpoint_stays(
 
 def test_a_file_that_grows_too_large_leaves_the_last_good_checkpoint(tmp_path: Path) -> None:
     """A limit on file sizes stands for a full disk, so the test needs no right to mount."""
-    config = load_config(*TINY)
+    config = config_of(*TINY)
     trainer = Trainer.of(config)
     saved_training(tmp_path, config).save(trainer.ledger, [])
     before = (tmp_path / "training.pt").read_bytes()

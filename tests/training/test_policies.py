@@ -7,13 +7,13 @@ import torch
 
 from envs import FollowBall
 from fnnq_torchrl import load_policy
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.job import run_job
 from fnnq_torchrl.training.results import read_evaluations
 from fnnq_torchrl.training.weights import load_checkpoint
+from tests.compositions import config_of
 from tests.programs import SMALL_WORLD
 
-CONFIG = load_config("situations=30", "num_seeds=4", "seed=5", "engine=eager", *SMALL_WORLD)
+CONFIG = config_of("situations=30", "num_seeds=4", "seed=5", "engine=eager", *SMALL_WORLD)
 
 
 @pytest.fixture(scope="module")

@@ -9,17 +9,17 @@ import torch
 from tensordict import TensorDict
 
 from fnnq_torchrl import best_seed, load_policy
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.replay import main
 from fnnq_torchrl.studies.rules.job import choose, read_job
 from fnnq_torchrl.training.job import run_job
 from fnnq_torchrl.training.results import read_evaluations
+from tests.compositions import config_of
 
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("job")
-    run_job(load_config("situations=10", "num_seeds=2", "env.time_limit_steps=60"), directory)
+    run_job(config_of("situations=10", "num_seeds=2", "env.time_limit_steps=60"), directory)
     return directory
 
 

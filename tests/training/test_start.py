@@ -22,6 +22,7 @@ from fnnq_torchrl.training.results import read_evaluations
 from fnnq_torchrl.training.start import imported, read_start
 from fnnq_torchrl.training.trainer import Trainer
 from tests.commands import fnnq_train
+from tests.compositions import config_of
 from tests.programs import SMALL_WORLD, config, saved_training
 
 FEW = ("situations=5", "num_seeds=3")
@@ -63,8 +64,8 @@ def test_runs_start_from_the_file_and_frozen_rules_stay(
 
 
 def test_nothing_known_is_nothing_changed() -> None:
-    assert read_start(load_config()) is None
-    assert read_start(replace(load_config(), rules=None)) is None
+    assert read_start(config_of()) is None
+    assert read_start(replace(config_of(), rules=None)) is None
     learned = []
     for keys in ((), ("rules.frozen=[]", "rules.count_firing=true")):
         trainer = Trainer.of(config(*FEW, "engine=eager", *keys))
@@ -108,7 +109,7 @@ def test_what_a_run_recorded_is_followed(
 
 def test_the_shipped_operator_is_the_studys() -> None:
     rows = np.loadtxt(config_directory() / "rules" / "operator.csv", delimiter=",", skiprows=1)
-    np.testing.assert_allclose(demonstrate(load_config().env), rows, atol=2e-3)
+    np.testing.assert_allclose(demonstrate(config_of().env), rows, atol=2e-3)
 
 
 def test_a_changed_prior_is_another_training(prior: Path, tmp_path: Path) -> None:
@@ -265,7 +266,7 @@ def test_inputs_of_a_file_are_the_worlds_in_its_order(tmp_path: Path) -> None:
     names = ("sonar_right_m", "sonar_left_m", "steer")
     inputs = tuple(Variable(name, labels) for name in names)
     (path,) = RuleBase(inputs, "q", torch.rand(2, 2, 2)).export(tmp_path / "q.json")
-    told = imported(load_config("task=wander", f"rules.prior={path}"))
+    told = imported(config_of("task=wander", f"rules.prior={path}"))
     assert [*told.value.inputs] == [*names[:2]]
     path.write_text(path.read_text().replace("sonar_left_m", "sonar_lft_m"))
     with pytest.raises(ConfigError, match=r"q\.json:2\d:3: 'sonar_lft_m': .*mean sonar_left_m\?$"):

@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from envs import make_world
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.results import Outcome
 from fnnq_torchrl.training.trainer import Trainer
+from tests.compositions import config_of
 from tests.programs import config, make_learner, make_runs
 
 RUNS = 22
@@ -149,7 +149,7 @@ def test_double_precision() -> None:
 
 def test_without_tests_the_scores_are_those_of_the_situations_learned_from() -> None:
     """In random walks, whose returns are the ends' rewards, and whose steps are all counted."""
-    settings = load_config(
+    settings = config_of(
         "task=random_walk", "situations=6", "evaluation.every=2", "num_seeds=8", "engine=eager"
     )
     trainer = Trainer.of(settings)
@@ -175,4 +175,4 @@ def test_without_tests_the_scores_are_those_of_the_situations_learned_from() -> 
 
 
 def test_rows_come_at_the_end_only_if_nothing_else_is_said() -> None:
-    assert load_config("task=random_walk", "situations=30").evaluation.every == 30
+    assert config_of("task=random_walk", "situations=30").evaluation.every == 30

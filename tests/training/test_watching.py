@@ -9,20 +9,20 @@ import pytest
 from PIL import Image
 
 from fnnq_torchrl.config.checking import to_config
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training import watching
 from fnnq_torchrl.training.job import run_job
 from fnnq_torchrl.training.results import read_evaluations
 from fnnq_torchrl.training.watching import play
 from fnnq_torchrl.training.weights import load_checkpoint
 from fnnq_torchrl.watch import main, watch
+from tests.compositions import config_of
 
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short job with two runs."""
     directory = tmp_path_factory.mktemp("job")
-    run_job(load_config("situations=10", "num_seeds=2", "env.time_limit_steps=60"), directory)
+    run_job(config_of("situations=10", "num_seeds=2", "env.time_limit_steps=60"), directory)
     return directory
 
 
@@ -43,7 +43,7 @@ def test_the_films_are_what_was_counted(job: Path, learned: bool) -> None:
 
 
 def test_before_learning_a_prior_is_what_steers(tmp_path: Path) -> None:
-    run_job(load_config("rules=rough", "situations=5", "engine=eager"), tmp_path)
+    run_job(config_of("rules=rough", "situations=5", "engine=eager"), tmp_path)
     checkpoint = load_checkpoint(tmp_path / "checkpoint.pt")
     [films] = play(to_config(checkpoint.config), checkpoint, [0], 5, learned=False)
     caught = sum(film[-1].success for film in films)
@@ -93,8 +93,10 @@ def test_a_job_without_tests_shows_new_situations(
     walk, states = tmp_path / "walk", tmp_path / "states"
     for directory, task in ((walk, "random_walk"), (states, "two_states")):
         directory.mkdir()
-        run_job(load_config(f"task={task}", "situations=2", "engine=eager"), directory)
-    monkeypatch.setattr(sys, "argv", ["watch", f"run={walk}", "situations=2", "size=60"])
+        run_job(config_of(f"task={task}", "situations=2", "engine=eager"), directory)
+    monkeypatch.setattr(
+        sys, "argv", ["watch", f"run={walk}", "situations=2", "size=60", "every=50"]
+    )
     main()
     assert (walk / "robot.gif").is_file()
     monkeypatch.setattr(sys, "argv", ["watch", f"run={states}"])

@@ -7,8 +7,8 @@ import torch
 from torchrl.envs import check_env_specs
 
 from envs import PureEnv, check_world, make_world
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.trainer import Trainer
+from tests.compositions import config_of
 
 WORLDS = {
     "mountain_car_gymnasium": ("mountain_car", "MountainCar-v0", {}, "velocity"),
@@ -20,7 +20,7 @@ WORLDS = {
 
 
 def make(task: str, *overrides: str, runs: int) -> PureEnv:
-    config = load_config(f"task={task}", *overrides)
+    config = config_of(f"task={task}", *overrides)
     return make_world(config.env, [runs], seed=3, dtype=torch.float64)
 
 
@@ -130,7 +130,7 @@ def test_the_walk_goes_either_way_and_ends_with_its_rewards() -> None:
     ],
 )
 def test_a_task_is_learned_with_its_defaults(overrides: tuple[str, ...], least: float) -> None:
-    trainer = Trainer.of(load_config(*overrides, "num_seeds=32", "evaluation.every=20"))
+    trainer = Trainer.of(config_of(*overrides, "num_seeds=32", "evaluation.every=20"))
     trainer.learn()
     outcome = trainer.evaluate()
     assert outcome.diverged_runs == 0
@@ -141,7 +141,7 @@ def test_a_task_is_learned_with_its_defaults(overrides: tuple[str, ...], least: 
 def test_the_walks_values_are_predicted() -> None:
     """With a small step the mean values come near the true ones, of which the first is −0.9."""
     slowly = ("alpha=0.03", "situations=400", "num_seeds=256", "engine=compiled")
-    trainer = Trainer.of(load_config("task=random_walk", *slowly))
+    trainer = Trainer.of(config_of("task=random_walk", *slowly))
     trainer.learn()
     found = trainer.weights["weight"].mean(0).flatten().double().numpy()
     np.testing.assert_allclose(found, np.arange(-9, 10) / 10, atol=0.06)

@@ -12,7 +12,7 @@ from envs.canvas import BAD, GOOD, Canvas, Shot
 from envs.classic.drawing import BODY, LINK, AcrobotShot, CarShot, PoleShot, RowShot
 from envs.core.parameters import ConfigError
 from envs.drawing import shot_of
-from fnnq_torchrl.launch.composition import load_config
+from tests.compositions import config_of
 
 SIZE_PX = 300
 
@@ -66,7 +66,7 @@ def test_the_walker_is_in_its_state() -> None:
 )
 def test_every_drawn_world_has_a_picture(task: str) -> None:
     world = [f"env={task}"] if task.endswith("gymnasium") else []
-    config = load_config(f"task={task.removesuffix('_gymnasium')}", *world)
+    config = config_of(f"task={task.removesuffix('_gymnasium')}", *world)
     env = make_world(config.env, [2], seed=0)
     state = env.reset()
     first = shot_of(env, state, 1)
@@ -86,6 +86,6 @@ def test_an_end_has_its_colour() -> None:
 
 
 def test_a_world_without_a_picture_is_told() -> None:
-    env = make_world(load_config("task=two_states").env, [1], dtype=torch.float32)
+    env = make_world(config_of("task=two_states").env, [1], dtype=torch.float32)
     with pytest.raises(ConfigError, match=r"TwoStates has no picture; env\.kind=two_states"):
         shot_of(env, env.reset())

@@ -1,5 +1,6 @@
 """The ring: its steps, its best mean reward in closed form, and its switch."""
 
+from dataclasses import replace
 from itertools import product
 
 import pytest
@@ -9,12 +10,12 @@ from hypothesis import strategies as st
 from torchrl.envs import check_env_specs
 
 from envs import PureEnv, check_world, make_world
-from fnnq_torchrl.launch.composition import load_config
+from tests.compositions import config_of
 from tests.oracles.ring import ring_step
 
 
 def make(*overrides: str, runs: int = 1) -> PureEnv:
-    config = load_config("task=ring", *overrides)
+    config = config_of("task=ring", *overrides)
     return make_world(config.env, [runs], seed=3, dtype=torch.float64)
 
 
@@ -53,10 +54,13 @@ def best_cycle(states: int, far: float) -> float:
     return best
 
 
+RING = config_of("task=ring").env
+
+
 @given(states=st.integers(2, 6), far=st.integers(-8, 8))
 def test_the_best_mean_reward_is_that_of_the_best_policy(states: int, far: int) -> None:
-    env = make("env.states=2")  # composing a configuration takes long
-    env.world.states, env.world.far_reward = states, far
+    ring = replace(RING, states=states, far_reward=far)
+    env = make_world(ring, [1], seed=3, dtype=torch.float64)
     step = torch.ones(1, 1, dtype=torch.int64)
     assert env.best_mean(step).item() == pytest.approx(best_cycle(states, far))
 

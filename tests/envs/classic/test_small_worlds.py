@@ -6,12 +6,12 @@ import torch
 
 from envs import PureEnv, make_world
 from envs.classic.chain import right_action
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.trainer import Trainer
+from tests.compositions import config_of
 
 
 def chain(*overrides: str, runs: int) -> PureEnv:
-    config = load_config("task=chain", *overrides)
+    config = config_of("task=chain", *overrides)
     return make_world(config.env, [runs], seed=0, dtype=torch.float64)
 
 
@@ -61,7 +61,7 @@ def test_a_table_learns_the_exact_values_of_the_chain() -> None:
     """The world is deterministic, so steps of α = 1 store each value exactly."""
     values = ["alpha=1", "lam=0", "epsilon=0.5", "gamma=0.5", "machine.dtype=float64"]
     trainer = Trainer.of(
-        load_config(
+        config_of(
             "task=chain", "env.length=4", *values, "situations=60", "num_seeds=2", "engine=eager"
         )
     )
@@ -80,7 +80,7 @@ def test_the_weight_of_one_gaussian_spreads_as_calculated(limit: int) -> None:
     """E w² follows a linear recursion: w ← w + αφ(±1 + γw − φw), with φ = 1/2 or 1."""
     alpha, gamma, episodes, runs = 0.4, 0.95, 30, 4_000
     trainer = Trainer.of(
-        load_config(
+        config_of(
             *("task=two_states", "value.kind=rbf", "value.inputs={place: [[2, 0.849322]]}"),
             *(f"alpha={alpha}", "lam=0", f"env.time_limit_steps={limit}", "engine=eager"),
             *(f"situations={episodes}", f"num_seeds={runs}"),

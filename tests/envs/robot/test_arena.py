@@ -13,19 +13,19 @@ from envs.robot.layout import NOWHERE_M
 from envs.robot.scene import SceneConfig
 from envs.worlds import make_world
 from fnnq_torchrl.engine.lanes import LANES
-from fnnq_torchrl.launch.composition import load_config
+from tests.compositions import config_of
 from tests.envs.robot.scenes import check_state, full_scene, objects
 from tests.oracles import rays
 
 
 @pytest.fixture(scope="module")
 def follow() -> SceneConfig:
-    return load_config("task=follow_obstacles").env
+    return config_of("task=follow_obstacles").env
 
 
 @pytest.fixture(scope="module")
 def wander() -> SceneConfig:
-    return load_config("task=wander").env
+    return config_of("task=wander").env
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ from fnnq_torchrl.config.choices import choices_of
 from fnnq_torchrl.engine import choice
 from fnnq_torchrl.engine.loops import EagerLoop
 from fnnq_torchrl.engine.native import NativeLoop
-from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.trainer import Trainer
+from tests.compositions import config_of
 from tests.programs import make_learner, make_runs
 
 pytestmark = pytest.mark.usefixtures("compiler")
@@ -32,7 +32,7 @@ SMALL = (
 
 @pytest.mark.long
 def test_a_scene_compiles_and_has_the_same_history() -> None:
-    config = load_config("task=follow_obstacles", *SMALL, "machine.dtype=float64")
+    config = config_of("task=follow_obstacles", *SMALL, "machine.dtype=float64")
     run = make_runs(config, 32)
     start = make_learner(config, run).begin(run)
 
@@ -57,7 +57,7 @@ def test_every_task_learns_and_is_tested_natively(
 ) -> None:
     """TorchInductor, which compiles steps that the native compiler can't, isn't needed."""
     monkeypatch.setattr(choice, "_inductor_loop", None)
-    config = load_config(f"task={task}", "engine=compiled", "situations=5", "num_seeds=2")
+    config = config_of(f"task={task}", "engine=compiled", "situations=5", "num_seeds=2")
     trainer = Trainer.of(config)
     trainer.learn()
     outcome = trainer.evaluate()

@@ -16,7 +16,7 @@ from envs.pixels import Pixels
 from envs.robot import drawing
 from envs.robot.drawing import Shot, draw
 from envs.worlds import make_world
-from fnnq_torchrl.launch.composition import load_config
+from tests.compositions import config_of
 
 SHOT = Shot(
     half_size_m=(3.0, 3.0),
@@ -55,7 +55,7 @@ def test_an_end_has_its_colour():
 
 @pytest.mark.parametrize("task", ["follow", "follow_obstacles", "wander"])
 def test_every_world_of_the_robot_has_a_picture(task):
-    env = make_world(load_config(f"task={task}").env, [2])
+    env = make_world(config_of(f"task={task}").env, [2])
     state = env.step(env.rand_action(env.reset()))["next"]
     shot = shot_of(env, state, 1)
     assert shot.step == 1
@@ -86,13 +86,13 @@ def test_a_bar_shows_the_scale():
 
 
 def test_the_same_state_has_the_same_picture():
-    env = make_world(load_config("task=wander").env, [1])
+    env = make_world(config_of("task=wander").env, [1])
     shot = shot_of(env, env.reset())
     assert np.array_equal(Canvas(1, 100).draw([[shot]]), Canvas(1, 100).draw([[shot]]))
 
 
 def test_torchrl_gets_pixels():
-    env = TransformedEnv(make_world(load_config("task=wander").env, [2]), Pixels(60))
+    env = TransformedEnv(make_world(config_of("task=wander").env, [2]), Pixels(60))
     check_env_specs(env)
     pixels = env.rollout(2)["next", "pixels"]
     assert pixels.shape[:2] == (2, 2)
