@@ -49,4 +49,4 @@ def make_world(config: WorldConfig, *args: Any, **settings: Any) -> PureEnv:
     Raises:
         ConfigError: if the user's class can't be imported or isn't a `PureEnv`.
     """
-    return class_of("env", config.kind, WORLDS | ADAPTERS, PureEnv)(config, *args, **settings)
+    return class_of("env.kind", config.kind, WORLDS | ADAPTERS, PureEnv)(config, *args, **settings)

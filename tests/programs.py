@@ -11,10 +11,10 @@ from envs.worlds import make_world
 from fnnq_torchrl.agent.adaptive import Adaptive
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.learning_step import Learner
+from fnnq_torchrl.agent.parts import make_rule, make_step_size
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.schema import PER_RUN, Config
 from fnnq_torchrl.engine.lanes import LANES, Values, repeat_last
-from fnnq_torchrl.equations.q_lambda import Rule
 from fnnq_torchrl.equations.step_size import make_step_size
 from fnnq_torchrl.training.batch import Batch
 from fnnq_torchrl.training.jobs import Job
@@ -52,8 +52,8 @@ def make_learner(
     return Learner(
         make_world(config.env, [len(run)], seed=0, dtype=dtype),
         network or make_value_network(config.value, candidates, len(run)),
-        rule=Rule(config.variant, config.trace, config.window),
-        step_size=make_step_size(config.step_size),
+        rule=make_rule(config),
+        step_size=make_step_size(config),
         exploration=config.exploration,
         evaluate_every=config.evaluation.every,
         largest_value=config.largest_value,

@@ -33,7 +33,7 @@ def make(kind: str, arguments: Mapping[str, Any]) -> EnvBase:
         ConfigError: if there is no such class, or it can't be made with these arguments. The
             message is one line.
     """
-    made = imported_class("env", kind)
+    made = imported_class("env.kind", kind)
     try:
         env = made(**arguments)
     except Exception as error:  # the class may raise anything

@@ -6,6 +6,8 @@ from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 
+from envs.core.parameters import OutOfRange
+from envs.core.registry import class_of, is_own, kinds_in_words
 from fnnq_torchrl.agent.values import ValueNetwork
 from fnnq_torchrl.equations import exploration
 from fnnq_torchrl.equations.layout import over_batch, per_run, run_numbers
@@ -164,17 +166,30 @@ POLICIES: dict[str, type[ExploringPolicy]] = {
 """The policies by their names (:data:`fnnq_torchrl.equations.names.EXPLORATIONS`)."""
 
 
+def policy_class(name: str) -> type[ExploringPolicy]:
+    """Return the policy with the given name.
+
+    Args:
+        name: a name in `POLICIES`, or ``module:Class`` of a user's policy.
+
+    Raises:
+        ConfigError: if there is no such policy, or the user's class can't be imported or isn't an
+            :class:`ExploringPolicy`.
+    """
+    if name not in POLICIES and not is_own(name):
+        raise OutOfRange("exploration", name, kinds_in_words(POLICIES))
+    return class_of("exploration", name, POLICIES, ExploringPolicy)
+
+
 def make_policy(name: str, value_network: ValueNetwork, amount: Tensor | float) -> ExploringPolicy:
     """Make the policy with the given name.
 
     Args:
-        name: ``epsilon_greedy``, ``boltzmann`` or ``noise``.
+        name: as in :func:`policy_class`.
         value_network: Q(s, a), and the candidates.
         amount: the amount of exploration, one number or one per run, ``[runs, 1]``.
 
     Raises:
-        ValueError: if there is no such policy.
+        ConfigError: as in :func:`policy_class`.
     """
-    if name not in POLICIES:
-        raise ValueError(f"exploration={name!r}: must be one of {', '.join(POLICIES)}")
-    return POLICIES[name](value_network, amount)
+    return policy_class(name)(value_network, amount)

@@ -7,6 +7,8 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from envs.core.pure import PureEnv
+from fnnq_torchrl.agent.records import Record
+from fnnq_torchrl.agent.update import Weights
 from fnnq_torchrl.equations.layout import per_run
 from fnnq_torchrl.equations.reward_means import (
     MEAN_STEPS,
@@ -21,7 +23,7 @@ TOLD = ("solved", "lowest", "later", "above")
 """The entries of the record that an evaluation tells."""
 
 
-class Watch:
+class Watch(Record):
     """The running means of the reward, and the record of a stage, as a TensorDict ``[runs]``.
 
     The entries, each ``[runs, 1]``, are those of :class:`.Means` and :class:`.Solution`.
@@ -29,6 +31,8 @@ class Watch:
     Args:
         env: a world without end, which states the best mean reward.
     """
+
+    name = "watch"
 
     def __init__(self, env: PureEnv) -> None:
         self._env = env
@@ -39,36 +43,34 @@ class Watch:
         best = env.best_mean(torch.ones(*env.batch_size, 1, dtype=torch.int64, device=env.device))
         return None if best is None else cls(env)
 
-    def start(self, run: TensorDictBase) -> TensorDict:
-        """Return the record before the first step."""
+    def start(self, run: TensorDictBase, weights: Weights) -> TensorDict:
         zero = torch.zeros_like(per_run(run["alpha"]))
         return self._packed(Means(zero, zero.clone()), no_solution(zero), run)
 
-    def update(self, state: TensorDictBase, after: TensorDictBase) -> TensorDict:
-        """Return the record after a step, from the entry ``"next"`` of the step."""
-        means = Means(*(per_run(state[key]) for key in Means._fields))
+    def update(self, state: TensorDictBase, slope: Weights, after: TensorDictBase) -> TensorDict:
+        before = state["watch"]
+        means = Means(*(per_run(before[key]) for key in Means._fields))
         means = running_means(means, per_run(after["reward"]), MEAN_STEPS, MEAN_STEPS)
-        solution = Solution(*(per_run(state[key]) for key in Solution._fields))
+        solution = Solution(*(per_run(before[key]) for key in Solution._fields))
         best = self._env.best_mean(after["step"])
         assert best is not None
-        return self._packed(means, watched(solution, means.long / per_run(best)), state)
+        return self._packed(means, watched(solution, means.long / per_run(best)), before)
 
-    def renewed(self, state: TensorDictBase, due: Tensor) -> TensorDict:
+    def renewed(self, record: TensorDictBase, due: Tensor) -> TensorDict:
         """Return the record with a new stage begun where ``due``; the means go on."""
-        new = no_solution(per_run(state["long"]))
+        new = no_solution(per_run(record["long"]))
         fresh = {key: value.unsqueeze(-1) for key, value in new._asdict().items()}
         return TensorDict(
             {
                 key: torch.where(due, fresh[key], value) if key in fresh else value
-                for key, value in state.items()
+                for key, value in record.items()
             },
-            state.batch_size,
-            device=state.device,
+            record.batch_size,
+            device=record.device,
         )
 
-    def told(self, state: TensorDictBase) -> dict[str, Tensor]:
-        """Return the entries of the record that an evaluation tells, each ``[runs, 1]``."""
-        return {key: state[key] for key in TOLD}
+    def told(self, record: TensorDictBase) -> dict[str, Tensor]:
+        return {key: record[key] for key in TOLD}
 
     def _packed(self, means: Means, solution: Solution, like: TensorDictBase) -> TensorDict:
         entries = {**means._asdict(), **solution._asdict()}

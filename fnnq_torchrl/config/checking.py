@@ -17,9 +17,10 @@ from omegaconf.errors import (
 )
 
 from envs.core.parameters import ConfigError, OutOfRange, Parameters, allowed
-from envs.core.registry import is_own, kinds_in_words, names_code, schema_of
+from envs.core.registry import is_own, kinds_in_words, own_class, schema_of
 from envs.schemas import ADAPTERS
 from envs.schemas import SCHEMAS as WORLDS
+from fnnq_torchrl.config.own import LEARNER, names_code
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.config.values import SCHEMAS as VALUES
 
@@ -68,7 +69,8 @@ def to_config(node: DictConfig | dict[str, Any], *, own: bool = False) -> Config
     Args:
         node: a mapping with all keys, such as a saved ``.hydra/config.yaml``.
         own: whether a kind may name a user's class, which is then imported. False for values from
-            an untrusted source, which then can't call functions either.
+            an untrusted source, which then can't call functions either. The classes of `LEARNER`
+            aren't imported then: who reads results doesn't need them.
 
     Raises:
         ConfigError: if a key is missing or unknown, or its value isn't allowed.
@@ -79,15 +81,20 @@ def to_config(node: DictConfig | dict[str, Any], *, own: bool = False) -> Config
         for key, value in flat(plain).items():
             if re.search(r"\$\{.*:", str(value)):  # an interpolation that calls a function
                 raise ConfigError(f"{key}={value}: must be a plain value")
-            if not key.endswith(".kind") and names_code(key, value):
+            if not key.endswith(".kind") and key not in LEARNER and names_code(key, value):
                 raise ConfigError(f"{key}={value}: names code from outside fnnq_torchrl")
     kinds = {group: kind for group in _OF_KINDS if (kind := _kind(plain, group, own)) is not None}
     try:
-        return cast(Config, OmegaConf.to_object(OmegaConf.merge(_schema(**kinds), plain)))
+        config = cast(Config, OmegaConf.to_object(OmegaConf.merge(_schema(**kinds), plain)))
     except OmegaConfBaseException as error:
         given = OmegaConf.create(plain)
         value = OmegaConf.select(given, error.full_key or "", throw_on_resolution_failure=False)
         raise refusal(error, value, kinds) from error
+    if own:
+        for key in LEARNER:
+            if is_own(kind := getattr(config, key)):
+                own_class(key, kind)  # refused now, if there is no such class
+    return config
 
 
 @cache
@@ -95,7 +102,7 @@ def _schema(**kinds: str) -> DictConfig:
     """Return the schema of a configuration with these kinds; callers must not modify it."""
     schema = OmegaConf.structured(Config)
     for group, kind in kinds.items():
-        schema[group] = OmegaConf.structured(schema_of(group, kind, _SCHEMAS[group]))
+        schema[group] = OmegaConf.structured(schema_of(f"{group}.kind", kind, _SCHEMAS[group]))
     return schema
 
 
@@ -161,7 +168,9 @@ def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
     ranges = allowed(Config)
     for group, known in _OF_KINDS.items():
         kind = (kinds or {}).get(group)
-        for schema in known.values() if kind is None else [schema_of(group, kind, _SCHEMAS[group])]:
+        for schema in (
+            known.values() if kind is None else [schema_of(f"{group}.kind", kind, _SCHEMAS[group])]
+        ):
             ranges |= allowed(schema, f"{group}.")
         ranges[f"{group}.kind"] = kinds_in_words(known)
     return ranges

@@ -27,7 +27,7 @@ from envs.core.parameters import (
     whole,
     whole_or_rows,
 )
-from envs.core.registry import is_own
+from envs.core.registry import is_own, kinds_in_words
 from envs.core.world import WorldConfig
 from envs.schemas import SCHEMAS as WORLDS
 from fnnq_torchrl.config.loggers import LoggerConfig
@@ -84,6 +84,11 @@ PER_RUN = (
 
 LARGEST = {"float32": (2 - 2**-23) * 2.0**127, "float64": sys.float_info.max}
 """The largest number of each ``machine.dtype``."""
+
+
+def _one_of_or_own(*choices: str) -> Any:
+    """Declare a field for one of the given words, or for a class of the user's."""
+    return matching("|".join((*choices, r"[\w.]+:\w+")), kinds_in_words(choices))
 
 
 def _to_float32(number: float) -> float:
@@ -145,7 +150,7 @@ class Config(Parameters):
     lam: float = number(0, 1)
     seed: int = whole(0)
     num_seeds: int = whole(1)
-    step_size: str = one_of(*STEP_SIZES)
+    step_size: str = _one_of_or_own(*STEP_SIZES)
     alpha: float = number(0)
     alpha_decay: float = number(above=0, high=1)
     kappa: float = number(above=1)
@@ -156,7 +161,7 @@ class Config(Parameters):
     eta_min: float = number(above=0, default=1e-10)
     eta_decay: float = number(above=0, high=1, default=0.999)
     gamma: float = number(0, 1)
-    exploration: str = one_of(*EXPLORATIONS)
+    exploration: str = _one_of_or_own(*EXPLORATIONS)
     epsilon: float = number(0, 1)
     epsilon_final: Any = or_null(number(0, 1), default=None)
     epsilon_over: float = number(above=0, default=1.0)
@@ -173,7 +178,7 @@ class Config(Parameters):
     adaptive_short: float = number(1, default=100.0)
     adaptive_long: float = number(1, default=100.0)
     variant: str = one_of(*VARIANTS)
-    trace: str = one_of(*TRACES)
+    trace: str = _one_of_or_own(*TRACES)
     window: int = whole(1)
     scale_rewards: bool = flag(default=False)
     diverged_beyond: float = number(above=1)
@@ -265,7 +270,8 @@ class Config(Parameters):
         """Yield an error for a trace or a variant that doesn't fit the other choices."""
         if self.trace == "dutch" and self.variant != "sarsa":
             yield OutOfRange("variant", self.variant, "sarsa with trace=dutch")
-        if self.trace == "dutch" and self.step_size not in ("decay", "constant", "swift"):
+        suits_dutch = self.step_size in ("decay", "constant", "swift") or is_own(self.step_size)
+        if self.trace == "dutch" and not suits_dutch:
             allowed = "decay, constant or swift with trace=dutch"
             yield OutOfRange("step_size", self.step_size, allowed)
         if self.trace == "dutch" and self.rules is not None and self.rules.frozen:

@@ -126,7 +126,7 @@ def _native_loop(
         raise ConfigError(f"engine=compiled: {error}") from error
     except (DataDependentOutputException, GuardOnDataDependentSymNode) as error:
         raise ConfigError(
-            "engine=compiled: a world or a value function looks at its data, for example "
+            "engine=compiled: a world or another class of yours looks at its data, for example "
             "with if; write torch.where instead, or take engine=eager"
         ) from error
     except Unsupported as error:

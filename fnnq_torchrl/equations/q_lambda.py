@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from torch import Tensor
 
-from fnnq_torchrl.equations.traces import TRACES, Correction, Credit
+from fnnq_torchrl.equations.traces import TRACES, Correction, Credit, Trace
 
 
 def td_errors(
@@ -88,25 +88,25 @@ class Rule:
 
     Args:
         variant: a name in :data:`VARIANTS`.
-        trace: a name in :data:`fnnq_torchrl.equations.traces.TRACES`.
+        trace: a name in :data:`fnnq_torchrl.equations.traces.TRACES`, or a trace.
         window: the number of steps that ``trace="window"`` keeps.
 
     Raises:
         ValueError: if there is no such variant or trace, the window that the trace needs is missing
-            or below 1, or the trace is ``dutch`` and the variant isn't ``sarsa``.
+            or below 1, or the trace ``corrects`` and the variant isn't ``sarsa``.
     """
 
     def __init__(
-        self, variant: str = "peng", trace: str = "output", window: int | None = None
+        self, variant: str = "peng", trace: str | Trace = "output", window: int | None = None
     ) -> None:
         for name, given, choices in (("variant", variant, VARIANTS), ("trace", trace, TRACES)):
-            if given not in choices:
+            if isinstance(given, str) and given not in choices:
                 *others, last = choices
                 raise ValueError(f"{name}={given!r}: must be {', '.join(others)} or {last}")
-        if trace == "dutch" and variant != "sarsa":
-            raise ValueError(f"trace='dutch': needs variant='sarsa', not {variant!r}")
         self.variant = VARIANTS[variant]
-        self.trace = TRACES[trace].of(window)
+        self.trace = TRACES[trace].of(window) if isinstance(trace, str) else trace
+        if self.trace.corrects and variant != "sarsa":
+            raise ValueError(f"trace={trace!r}: needs variant='sarsa', not {variant!r}")
 
     def credit(
         self,

@@ -56,6 +56,11 @@ class Credit(NamedTuple):
     of_all: Sequence[Tensor] | None = None
     correction: Correction | None = None
 
+    @property
+    def fading(self) -> Tensor:
+        """γλ, and 0 where the trace is cut before the update, ``[runs]``."""
+        return self.decay if self.keeps is None else self.decay * self.keeps
+
 
 Credited = list[tuple[Tensor, Tensor]]
 """The direction Δw and the new trace, for each tensor of weights."""
@@ -114,7 +119,8 @@ class GradientTrace(Trace):
     def update(
         self, traces: Sequence[Tensor], gradients: Sequence[Tensor], credit: Credit
     ) -> Credited:
-        past, present, decay, goes_on = _faded(credit)
+        past, present, goes_on = credit.past_error, credit.present_error, credit.goes_on
+        decay = credit.fading
         scale = self.scale(gradients)
         return [
             (
@@ -153,7 +159,8 @@ class ReplacingTrace(Trace):
     def update(
         self, traces: Sequence[Tensor], gradients: Sequence[Tensor], credit: Credit
     ) -> Credited:
-        past, present, decay, goes_on = _faded(credit)
+        past, present, goes_on = credit.past_error, credit.present_error, credit.goes_on
+        decay = credit.fading
         credited = []
         of_all = gradients if credit.of_all is None else credit.of_all
         for e, f, all_ in zip(traces, gradients, of_all, strict=True):
@@ -205,7 +212,7 @@ class DutchTrace(Trace):
         if credit.correction is None:
             raise ValueError("a dutch trace needs a correction, so α must be known beforehand")
         alpha, change = credit.correction
-        _, error, decay, goes_on = _faded(credit)
+        error, decay, goes_on = credit.present_error, credit.fading, credit.goes_on
         pairs = [*zip(traces, gradients, strict=True)]
         overlap = torch.stack([(e * f).flatten(0, -2).sum(0) for e, f in pairs]).sum(0)
         share = 1 - alpha * decay * overlap
@@ -287,9 +294,3 @@ def squared_norm(gradients: Iterable[Tensor]) -> Tensor:
         ‖∇Q‖², ``[runs]``.
     """
     return reduce(torch.add, (f.square().flatten(0, -2).sum(0) for f in gradients))
-
-
-def _faded(credit: Credit) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return the two errors, γλ (0 where the trace is cut) and ``goes_on``."""
-    decay = credit.decay if credit.keeps is None else credit.decay * credit.keeps
-    return credit.past_error, credit.present_error, decay, credit.goes_on

@@ -27,7 +27,7 @@ from fnnq_torchrl.config.extras import installing
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.launch.application import Application
 from fnnq_torchrl.launch.batches import RunBatches
-from fnnq_torchrl.launch.composition import explain, key_of
+from fnnq_torchrl.launch.composition import explain, key_of, offer_own_step_sizes
 from fnnq_torchrl.launch.directories import OutputDirectory
 from fnnq_torchrl.launch.flags import hydra_arguments
 from fnnq_torchrl.launch.from_job import choose_primary
@@ -158,6 +158,7 @@ def _run(task: Task, full: bool) -> None:
             "--experimental-rerun is refused: it reads a pickle, which can run any code; "
             "use from=DIR to take the configuration of the job in that directory"
         )
+    offer_own_step_sizes(given.overrides)
     primary, given.overrides = choose_primary(given.overrides)
     if given.config_name is not None:
         if primary != "config":

@@ -1,6 +1,7 @@
 """Composes overrides such as ``lam=0.2`` into a valid `Config`, or explains what is wrong."""
 
 import difflib
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from inspect import signature
@@ -19,6 +20,7 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from envs.core.parameters import allowed
+from envs.core.registry import is_own
 from fnnq_torchrl.config.checking import refusal, to_config
 from fnnq_torchrl.config.choices import choices_of, config_directory
 from fnnq_torchrl.config.launcher import LauncherConfig
@@ -36,6 +38,9 @@ _PLUGINS: dict[tuple[str, str], list[str]] = {
 }
 """The allowed keys of our launcher and sweepers, by Hydra's group and the name of the class."""
 
+_OPEN = "step_size"
+"""The group of which a class of the user's is a choice, too."""
+
 # conf/config.yaml begins with this schema: Hydra then refuses unknown keys and wrong types.
 ConfigStore.instance().store(name="schema", node=Config)
 
@@ -51,10 +56,28 @@ def load_config(*overrides: str) -> Config:
     Raises:
         ConfigError: if a key is unknown or its value isn't allowed.
     """
+    offer_own_step_sizes(overrides)
     primary, others = choose_primary(overrides)
     with composing(others), _hydra():
         refuse_several_values(others)
         return to_config(compose(primary, others), own=True)
+
+
+def offer_own_step_sizes(overrides: Sequence[str]) -> None:
+    """Add the user's classes in ``step_size=module:Class`` to the choices of this group.
+
+    The other keys that can name a class aren't groups, so Hydra takes any text for them. A step
+    size of the user's has the settings of ``step_size=constant``, unless more are given.
+
+    Args:
+        overrides: the overrides that will be composed.
+    """
+    for line in overrides:
+        if key_of(line) != _OPEN:
+            continue
+        for kind in re.findall(r"[\w.]+:\w+", line.replace("\\:", ":")):
+            node = {"defaults": ["constant", "_self_"], _OPEN: kind}
+            ConfigStore.instance().store(name=kind, node=node, group=_OPEN, package="_global_")
 
 
 @contextmanager
@@ -103,8 +126,9 @@ def explain(error: Exception, overrides: Sequence[str]) -> ConfigError:
         if options := [
             each
             for each in error.options or choices_of(group)
-            if each != SAVED and not each.startswith("_")
+            if each != SAVED and not each.startswith("_") and not is_own(each)
         ]:
+            options += ["your own module:Class"] * (group == _OPEN)
             return OutOfRange(group, choice, " or ".join(options))
     return _misuse_of_a_group(parsed) or ConfigError(message)
 

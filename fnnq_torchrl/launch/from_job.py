@@ -14,9 +14,10 @@ import yaml
 from hydra.core.config_store import ConfigStore
 from omegaconf.errors import OmegaConfBaseException
 
-from envs.core.registry import names_code
+from envs.core.registry import is_own
 from fnnq_torchrl.config.checking import flat, to_config
 from fnnq_torchrl.config.choices import choices_of, config_directory
+from fnnq_torchrl.config.own import names_code
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.config.values import LabelsConfig
 from fnnq_torchrl.files.settings import parse_settings
@@ -143,4 +144,6 @@ def _store(config: Config, task: str) -> None:
         elif not group.startswith(("override ", "optional ")):
             choice = None  # its values are top-level keys, unless a choice is typed
         defaults.append({group: choice})
+    if is_own(config.step_size):  # a choice that is typed again changes nothing
+        store.store(group="step_size", name=config.step_size, node={}, package="_global_")
     store.store(name=SAVED, node=values | {"hydra": primary["hydra"], "defaults": defaults})

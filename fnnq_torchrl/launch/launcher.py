@@ -209,7 +209,8 @@ class Multirun:
         return [
             SweptResult(
                 job.number,
-                {key_of(line): line.partition("=")[2] for line in job.overrides},
+                # Hydra escapes the colon of module:Class.
+                {key_of(o): o.partition("=")[2].replace("\\:", ":") for o in job.overrides},
                 job.directory,
                 Score.of(job.config),
                 JobRuns.of(job.config),

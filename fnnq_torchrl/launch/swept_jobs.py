@@ -20,7 +20,7 @@ from fnnq_torchrl.config.identity import ASIDE
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.files.atomic import atomic_write, clear_leftovers
 from fnnq_torchrl.files.settings import parse_settings
-from fnnq_torchrl.launch.composition import composing, key_of
+from fnnq_torchrl.launch.composition import composing, key_of, offer_own_step_sizes
 from fnnq_torchrl.training.jobs import BATCHABLE, RESULTS, SNAPSHOTS, TRAINING, Job
 
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -194,6 +194,7 @@ def compose_jobs(
         kind = tuple(key_of(line) if _number(line) else line for line in overrides)
         template = templates.get(kind)
         if template is None:
+            offer_own_step_sizes(overrides)  # a preset may name some that aren't typed
             template = _Template(loader.load_sweep_config(master, list(overrides)))
             # An interpolated value may depend on a per-run value, so it can't be shared.
             if "${" not in template.config_yaml({}):

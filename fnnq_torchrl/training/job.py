@@ -14,6 +14,7 @@ from torch import Tensor
 from envs.core.contract import check_world
 from envs.core.registry import is_own
 from envs.worlds import make_world
+from fnnq_torchrl.agent.parts import check_own
 from fnnq_torchrl.agent.rules import partition
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
 from fnnq_torchrl.files.atomic import clear_leftovers
@@ -171,6 +172,7 @@ def _check(batch: Batch) -> None:
     if is_own(config.env.kind):
         dtype = getattr(torch, config.machine.dtype)
         check_world(make_world(config.env, [2], seed=0, dtype=dtype, device=device))
+    check_own(config)
     if large := check_memory(batch):
         announce(batch.label + large)
     for job in batch.jobs:

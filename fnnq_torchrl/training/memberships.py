@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from envs.core.registry import is_own
 from envs.worlds import make_world
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.learning_step import act
@@ -107,6 +108,9 @@ def _as(directory: Path, config: Config, lanes: int) -> Choice:
         theirs = to_config(checkpoint.config)
     except ValueError as error:
         raise ConfigError(f"value.visited={directory}: {error}") from error
+    if is_own(theirs.exploration):
+        named = f"exploration={theirs.exploration} names code from outside fnnq_torchrl"
+        raise ConfigError(f"value.visited={directory}: {named}")
     network = make_value_network(theirs.value, make_candidates(theirs), runs=1)
     if unknown := [name for name in network.in_keys if name not in config.env.observations]:
         raise ConfigError(

@@ -13,10 +13,10 @@ import torch
 
 from envs.core.registry import is_own
 from fnnq_torchrl.agent.candidates import make_candidates
+from fnnq_torchrl.agent.parts import make_rule, make_step_size
 from fnnq_torchrl.agent.values import make_value_network
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.engine.lanes import lanes_for
-from fnnq_torchrl.equations.step_size import make_step_size
 from fnnq_torchrl.training.batch import Batch
 
 _MUCH = 1 / 4
@@ -113,11 +113,11 @@ def sizes_of(batch: Batch) -> Sizes:
         tests=config.evaluation.tests,
         weights=sum(weight.numel() for weight in weights.values()),
         candidates=candidates.numel(),
-        window=config.window if config.trace == "window" else 1,
+        window=make_rule(config).trace.start(torch.empty(1, 1, device="meta")).numel(),
         lanes=engine.workers * lanes_for(runs, engine.workers, engine.most_lanes),
         bytes=dtype.itemsize,
         counted=weights["weight"].numel() if config.counts_firing else 0,
-        remembered=len(make_step_size(config.step_size).start(torch.ones(1), [torch.ones(1, 1)])),
+        remembered=len(make_step_size(config).start(torch.ones(1), [torch.ones(1, 1)])),
     )
 
 

@@ -5,8 +5,8 @@ from dataclasses import fields
 from typing import Any
 
 from envs.core.parameters import Parameters
-from envs.core.registry import is_own
 from fnnq_torchrl.config.identity import ASIDE
+from fnnq_torchrl.config.own import own_kinds
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.training.evaluation import world_of_tests
 from fnnq_torchrl.training.jobs import BATCHABLE
@@ -27,7 +27,7 @@ def recipe(config: Config, step: str, prior: str | None = None) -> str | None:
         The recipe, or None if the step runs a user's own code, because it isn't known which other
         modules that code depends on.
     """
-    if is_own(config.env.kind) or is_own(config.value.kind):
+    if own_kinds(config, learner=step == "learn"):
         return None
     parts = {key: part for key, part in _settings(config).items() if key not in _NOT_OF_THE_STEP}
     if step == "test":

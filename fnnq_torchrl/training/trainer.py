@@ -13,14 +13,14 @@ from envs.worlds import make_world
 from fnnq_torchrl.agent.adaptive import Adaptive
 from fnnq_torchrl.agent.candidates import make_candidates
 from fnnq_torchrl.agent.learning_step import Learner
+from fnnq_torchrl.agent.parts import make_rule, make_step_size
+from fnnq_torchrl.agent.policy import policy_class
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.runs import Runs
 from fnnq_torchrl.config.schema import Config
 from fnnq_torchrl.engine.choice import Engine, choose_engine
 from fnnq_torchrl.engine.lanes import lanes_for, repeat_last
 from fnnq_torchrl.engine.scheduler import Keeper, work_through
-from fnnq_torchrl.equations.q_lambda import Rule
-from fnnq_torchrl.equations.step_size import make_step_size
 from fnnq_torchrl.training.evaluation import GreedyTest, Playing, world_of_tests
 from fnnq_torchrl.training.learning import Learning
 from fnnq_torchrl.training.recipe import recipe
@@ -103,8 +103,8 @@ class Trainer:
         return Learner(
             make_world(config.env, [lanes], seed=0, dtype=self.dtype, device=self.device),
             self._value_network(lanes),
-            rule=Rule(config.variant, config.trace, config.window),
-            step_size=make_step_size(config.step_size),
+            rule=make_rule(config),
+            step_size=make_step_size(config),
             exploration=config.exploration,
             evaluate_every=config.evaluation.every,
             largest_value=config.largest_value,
@@ -232,7 +232,8 @@ class Trainer:
             if key in pages.keys():  # noqa: SIM118  # a TensorDict iterates over its rows
                 found[key] = _shortest(pages[key].T.contiguous().cpu().numpy())
             else:
-                used = key != "temperature" or self.config.exploration == "boltzmann"
+                amount = policy_class(self.config.exploration).amount_name
+                used = key != "temperature" or amount == "temperature"
                 column = self._runs[key] if used else np.full(len(self._runs), np.nan)
                 found[key] = np.repeat(column[:, np.newaxis], len(pages), axis=1)
         return found

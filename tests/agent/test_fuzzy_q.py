@@ -156,6 +156,19 @@ def test_the_executed_action_lies_between_the_choices(x: float, exploration: str
     torch.testing.assert_close(network.best(state["action_value"]), best)
 
 
+def test_no_action_lies_beyond_the_range() -> None:
+    """Neither that of a label whose middle does, nor a mean whose weights sum to 1 + 10⁻⁷."""
+    inputs = {"x": [{"gaussian": [centre, 0.3]} for centre in (-1.0, -0.4, 0.3, 1.0)]}
+    action = [{"triangle": [a - 1, a, a + 1]} for a in (-1.5, 0.0, 1.5)]
+    network = FuzzyQValue(inputs, action, RANGE.float())
+    assert network.candidates.tolist() == [-1, 0, 1]
+    with torch.no_grad():
+        network.weight[..., -1] = 1
+    x = torch.linspace(-1, 1, 3_000).view(1, -1, 1)
+    assert network._strengths(x).sum(0).max() > 1
+    assert network.greedy(x).max() == 1
+
+
 def test_the_boltzmann_policy_compares_the_rules_own_values() -> None:
     network = network_of_two_rules(runs=20_000)
     policy = make_policy("boltzmann", network, 0.5)

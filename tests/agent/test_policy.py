@@ -87,7 +87,7 @@ def test_it_drives_batches_of_any_shape(batch_size: tuple[int, ...], exploration
 
 
 def test_there_is_no_other_policy(network: FNNQValue) -> None:
-    with pytest.raises(ValueError, match=r"'softmax': must be one of epsilon_greedy, boltzmann"):
+    with pytest.raises(ValueError, match=r"=softmax: must be epsilon_greedy, boltzmann, noise or"):
         make_policy("softmax", network, 0.5)
 
 

@@ -366,7 +366,7 @@ def test_a_value_function_has_a_file_of_values_a_schema_and_a_network():
         (
             "step_size=foo",
             "step_size=foo: must be alpha_bound or auto_tidbd or autostep or constant or decay or "
-            "idbd or obgd or swift or tidbd",
+            "idbd or obgd or swift or tidbd or your own module:Class",
         ),
         (
             ["step_size=idbd", "value=mlp"],

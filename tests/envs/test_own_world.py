@@ -167,7 +167,7 @@ def test_its_mistakes_are_told_in_one_line(
     [
         (
             ("env.kind=point:Pont",),
-            "env.kind=point:Pont: module 'point' has no attribute 'Pont'",
+            "env.kind=point:Pont: module 'point' has no attribute 'Pont'; did you mean Point?",
         ),
         (
             ("env.kind=math:pi",),

@@ -1,5 +1,6 @@
 """The rules with a step size for each weight: by hand, beside slow twins, while learning."""
 
+import math
 from itertools import islice
 from typing import Any
 
@@ -40,22 +41,29 @@ CLOSE: dict[str, float] = {"rtol": 1e-14, "atol": 1e-15}
 
 
 def test_idbd_by_hand() -> None:
-    # θδxh = ln 2 doubles the first step size, ¼. Then 1 − αx² = 1 − ½·1 and αδx = ½·2.
-    # The second has 1 − αx² = 1 − ¼·16, which is below 0.
+    # θδxh = ln 2 doubles both step sizes, ¼. Then 1 − αx² = 1 − ½·1 and αδx = ½·2.
+    # The second has 1 − αx² = 1 − ½·16, which is below 0.
     beta, h = idbd(
-        column(0.25, 0.25).log(), column(LN2, 0.0), column(1.0, 4.0), real(2.0), real(0.5)
+        column(0.25, 0.25).log(), column(LN2, LN2 / 4), column(1.0, 4.0), real(2.0), real(0.5)
     )
-    torch.testing.assert_close(beta.exp(), column(0.5, 0.25), **CLOSE)
-    torch.testing.assert_close(h, column(LN2 / 2 + 1, 2.0), **CLOSE)
+    torch.testing.assert_close(beta.exp(), column(0.5, 0.5), **CLOSE)
+    torch.testing.assert_close(h, column(LN2 / 2 + 1, 4.0), **CLOSE)
 
 
 def test_tidbd_by_hand() -> None:
-    # As IDBD, but with z = 1.5 and Δw = 3 in the memory: 1 − ½·1·1.5 and ½·3.
+    # As IDBD, but with z = 1.5 and Δw = 3 in the memory: 1 − ½·1·1.5 and ½·3. The second weight
+    # has z = 4, and 1 − ½·1·4 is below 0.
     beta, h = tidbd(
-        column(0.25).log(), column(LN2), column(1.0), column(1.5), real(2.0), column(3.0), real(0.5)
+        column(0.25, 0.25).log(),
+        column(LN2, LN2),
+        column(1.0, 1.0),
+        column(1.5, 4.0),
+        real(2.0),
+        column(3.0, 3.0),
+        real(0.5),
     )
-    torch.testing.assert_close(beta.exp(), column(0.5), **CLOSE)
-    torch.testing.assert_close(h, column(LN2 / 4 + 1.5), **CLOSE)
+    torch.testing.assert_close(beta.exp(), column(0.5, 0.5), **CLOSE)
+    torch.testing.assert_close(h, column(LN2 / 4 + 1.5, 1.5), **CLOSE)
 
 
 def test_autostep_by_hand() -> None:
@@ -75,9 +83,10 @@ def test_autostep_by_hand() -> None:
     torch.testing.assert_close(after["memory"][0], kept + alpha * column(1.0, 2.0), **CLOSE)
 
 
-def test_auto_tidbd_by_hand() -> None:
+@pytest.mark.parametrize(("z", "bound"), [(0.0, 1.5), (2.0, 1.0)])
+def test_auto_tidbd_by_hand(z: float, bound: float) -> None:
     # δ′dh = −2 and 0. The first scale grows to 2 and its α from ½ to ½·exp(ln 2·1) = 1. The second
-    # scale is 0, so its α stays ½. M = 1·1·1.5 + ½·½·0 divides both.
+    # scale is 0, so its α stays ½. M = 1·1·1.5 − ½·½·z divides both.
     state = {
         "log_alpha": [column(0.5, 0.5).log()],
         "memory": [column(1.0, 0.0)],
@@ -87,19 +96,24 @@ def test_auto_tidbd_by_hand() -> None:
         state,
         [column(1.0, 0.0)],
         [column(-1.0, 0.5)],
-        [column(1.5, 0.0)],
+        [column(1.5, z)],
         real(2.0),
         [column(3.0, 0.25)],
         real(LN2),
         real(10.0),
     )
     torch.testing.assert_close(after["scale"][0], column(2.0, 0.0), **CLOSE)
-    torch.testing.assert_close(after["log_alpha"][0].exp(), column(1 / 1.5, 0.5 / 1.5), **CLOSE)
-    # 1 − (1/1.5)·1.5 = 0, so only the change stays.
-    torch.testing.assert_close(after["memory"][0], column(2.0, 0.25 / 3), **CLOSE)
+    alpha = column(1 / bound, 0.5 / bound)
+    torch.testing.assert_close(after["log_alpha"][0].exp(), alpha, **CLOSE)
+    # 1 − α·1.5 is 0 or below, so only the change stays.
+    torch.testing.assert_close(after["memory"][0], alpha * column(3.0, 0.25), **CLOSE)
 
 
-def test_swift_by_hand() -> None:
+@pytest.mark.parametrize(
+    ("theta", "lowest", "alpha"),
+    [(0.001, 1e-10, math.exp(0.001 * 3 * 7 * 64) / 64), (0.01, 1e-10, 0.5), (0.001, 0.1, 0.1)],
+)
+def test_swift_by_hand(theta: float, lowest: float, alpha: float) -> None:
     # One weight, α = ¼, φ = 2: τ = 1, above η = ½, so zᵟ = ½·¼·2 = ¼ and α falls to ¼ε⁴.
     # γλ = ½, z = 1: ½ is left, b = 1, so z = ½ + ¼·0; p = ½·2 + 3·2 = 7.
     state = {
@@ -110,9 +124,9 @@ def test_swift_by_hand() -> None:
         "slope_trace": [column(2.0)],
     }
     numbers = {
-        "meta_step_size": real(0.001),
+        "meta_step_size": real(theta),
         "eta": real(0.5),
-        "eta_min": real(1e-10),
+        "eta_min": real(lowest),
         "eta_decay": real(0.5),
     }
     ((direction, z),), after = swift(
@@ -121,8 +135,8 @@ def test_swift_by_hand() -> None:
     # Δw = 3.1·½ − 0.1·¼; h, h_old and z̄ are forgotten, so h = −czᵟ.
     torch.testing.assert_close(direction, column(1.55 - 0.025), **CLOSE)
     assert z.item() == 0.5
-    beta = real(1 / 64).log() + 0.001 * 3 * 7 * 64
-    torch.testing.assert_close(after["log_alpha"][0], column(min(beta.item(), -LN2)), **CLOSE)
+    # α = ¼ε⁴ = 1/64 is then learned, between η_min and η.
+    torch.testing.assert_close(after["log_alpha"][0].exp(), column(alpha), rtol=1e-13, atol=0)
     torch.testing.assert_close(after["memory"][0], column(-0.025), **CLOSE)
     assert [after[key][0].item() for key in ("last_memory", "memory_trace", "slope_trace")] == [
         0.0,
@@ -213,6 +227,8 @@ def test_td_by_features_is_the_papers_listing(name: str, lam: float) -> None:
         twin.step(x.tolist(), rewards[t].item(), after.tolist(), done)
         learned = torch.cat(weights).squeeze(-1)
         torch.testing.assert_close(learned, real(*twin.weights), rtol=1e-9, atol=1e-11)
+    own = state["alpha"] if "alpha" in state else [beta.exp() for beta in state["log_alpha"]]
+    torch.testing.assert_close(alphas, torch.cat([*own]).mean(0))
     assert alphas != alpha
 
 

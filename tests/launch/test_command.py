@@ -30,7 +30,10 @@ MISTAKES = {
     "lam=abc": f"lam=abc: {UNIT}",
     "lamm=0.2": "lamm=0.2: there is no lamm; did you mean lam?",
     "+lamm=0.2": "lamm=0.2: there is no lamm; did you mean lam?",
-    "trace=foo": "trace=foo: must be output, gradient, replacing, window, clearing or dutch",
+    "trace=foo": (
+        "trace=foo: must be output, gradient, replacing, window, clearing, dutch or your own "
+        "module:Class"
+    ),
     "value=nope": (
         "value=nope: must be fnnq or fnnq_sum or fuzzy_q or mlp or rbf or table or tiles or "
         "tiles_sum"

@@ -58,5 +58,5 @@ def make_value_network(config: ValueConfig, candidates: Tensor, runs: int) -> Va
         raise ConfigError(
             f"value.membership={CLUSTERED}: a job finds its labels when it begins to train"
         )
-    network = class_of("value", config.kind, NETWORKS, ValueNetwork)
+    network = class_of("value.kind", config.kind, NETWORKS, ValueNetwork)
     return network.from_config(config, candidates, runs)

@@ -1,6 +1,6 @@
 """The names that figures and pages give to an experiment's jobs."""
 
-from fnnq_torchrl.equations.names import EXPLORATIONS
+from fnnq_torchrl.equations.names import EXPLORATIONS, STEP_SIZES, TRACES
 from fnnq_torchrl.studies.experiments import Experiment, Job
 from fnnq_torchrl.training.pictures.words import setting_words
 
@@ -13,11 +13,12 @@ def job_words(experiment: Experiment, job: Job, without: str | None = None) -> s
         job: a job of the experiment.
         without: a key to leave out, because colours or an axis show it.
     """
-    settings = job.settings
-    idle = set(EXPLORATIONS.values()) - {EXPLORATIONS[settings["exploration"]]}
-    if settings["trace"] != "window":
+    settings, idle = job.settings, set()
+    if settings["exploration"] in EXPLORATIONS:
+        idle = {*EXPLORATIONS.values()} - {EXPLORATIONS[settings["exploration"]]}
+    if settings["trace"] in TRACES and settings["trace"] != "window":
         idle.add("window")
-    if settings["step_size"] != "obgd":
+    if settings["step_size"] in STEP_SIZES and settings["step_size"] != "obgd":
         idle.add("kappa")
     keys = [key for key in experiment.varied if key != without and key not in idle]
     return ", ".join(setting_words(key, settings[key]) for key in keys)

@@ -8,8 +8,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from envs.core.registry import is_own, source_of
+from envs.core.registry import source_of
 from fnnq_torchrl.config.identity import ASIDE
+from fnnq_torchrl.config.own import own_kinds
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.files.plain import read_plain, write_plain
 from fnnq_torchrl.training.batch import Batch
@@ -36,8 +37,7 @@ class SavedTraining:
         self.path = batch.directory / TRAINING
         settings = asdict(batch.config)
         shared = {key: of for key, of in settings.items() if key not in _NO_MATTER}
-        kinds = {"env": batch.config.env.kind, "value": batch.config.value.kind}
-        code = [source_of(group, kind) for group, kind in kinds.items() if is_own(kind)]
+        code = [source_of(key, kind) for key, kind in own_kinds(batch.config).items()]
         digest = batch.start and batch.start.digest
         identity = f"{torch.__version__} {batch.engine.name} {shared!r} {code} {digest}"
         self._identity = hashlib.sha256(identity.encode()).hexdigest()
