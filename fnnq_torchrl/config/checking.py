@@ -168,9 +168,8 @@ def ranges_of(kinds: Kinds | None = None) -> dict[str, str]:
     ranges = allowed(Config)
     for group, known in _OF_KINDS.items():
         kind = (kinds or {}).get(group)
-        for schema in (
-            known.values() if kind is None else [schema_of(f"{group}.kind", kind, _SCHEMAS[group])]
-        ):
+        chosen = kind and [schema_of(f"{group}.kind", kind, _SCHEMAS[group])]
+        for schema in chosen or known.values():
             ranges |= allowed(schema, f"{group}.")
         ranges[f"{group}.kind"] = kinds_in_words(known)
     return ranges

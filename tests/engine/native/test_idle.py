@@ -46,7 +46,7 @@ TRACES: dict[str, Trace] = {
 }
 
 
-def make_step(trace: Trace) -> Step:
+def make_step(trace: Trace, *, mirrored: bool = False) -> Step:
     def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
         now = TensorDict(
             {key: stays[key].gather(1, state["t"]).unsqueeze(-1) for key in stays.keys()},  # noqa: SIM118
@@ -55,6 +55,8 @@ def make_step(trace: Trace) -> Step:
         w, e = state["w"], state["e"]
         at = now["cell"].long().expand(-1, 1, 2)
         f = torch.zeros_like(w).scatter(1, at, 1.0)
+        if mirrored:
+            f = f + torch.zeros_like(w).scatter(1, CELLS - 1 - at, 1.0)
         z, direction = trace(now["decay"] * e, f, now)
         return TensorDict(
             {"w": w + 0.1 * direction, "e": now["goes_on"] * z, "t": state["t"] + 1},
@@ -105,6 +107,12 @@ def assert_same_bits(step: Step, stays: TensorDict, state: TensorDict) -> Tensor
 @pytest.mark.parametrize("name", TRACES)
 def test_no_bit_changes(name: str) -> None:
     assert_same_bits(make_step(TRACES[name]), *lanes())
+
+
+def test_a_step_may_visit_several_rows() -> None:
+    step, (stays, state) = make_step(replacing, mirrored=True), lanes()
+    assert "rows_0" in source(step, stays[:2], state[:2])
+    assert_same_bits(step, stays, state)
 
 
 @pytest.mark.parametrize("name", ["replacing", "accumulating"])
