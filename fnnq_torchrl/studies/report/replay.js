@@ -61,25 +61,14 @@ function drawFilm(canvas, { still, shots, kinds, success }, now) {
     at.setTransform(1, 0, 0, 1, 0, 0);
     at.clearRect(0, 0, canvas.width, canvas.height);
     at.setTransform(scale, 0, 0, -scale, canvas.width / 2, canvas.height / 2);
-    const [x, y, heading] = shot.pose;
-    if (still.view_rad !== null) {
-        at.fillStyle = colour("view");
-        sector(at, x, y, 20, heading - still.view_rad, heading + still.view_rad);
-    }
-    at.fillStyle = colour("echo");
-    for (const [east, north, direction, beam, reading] of shot.beams ?? []) {
-        sector(at, east, north, reading, direction - beam / 2, direction + beam / 2);
-    }
-    at.fillStyle = colour("wall");
-    for (const [east, north, radius] of still.discs) disc(at, east, north, radius);
-    for (const corners of still.boxes) {
-        at.beginPath();
-        for (const [east, north] of corners) at.lineTo(east, north);
-        at.fill();
-    }
-    at.lineWidth = 4 / scale;
-    at.strokeStyle = colour("wall");
-    if (still.walls) at.strokeRect(-across, -up, 2 * across, 2 * up);
+    surroundings(at, shot.pose, {
+        view: still.view_rad,
+        beams: shot.beams ?? [],
+        walls: still.walls ? still.half_size_m : null,
+        discs: still.discs,
+        boxes: still.boxes,
+        scale,
+    });
     const done = now === shots.length - 1, result = colour(success ? "good" : "bad");
     ways(at, shots, now, scale);
     shot.balls.forEach(([east, north, radius], n) => {
