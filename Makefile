@@ -110,7 +110,7 @@ test-long: install  ## the tests that take long, which make test leaves out
 foreign: install $(FOREIGN)/installed  ## what other programs make of our files of rules; says what is missing (ONLY='not octave': fewer)
 	$(BIN)/python -m pytest -q -n auto -m foreign -k "$(ONLY)" tests/foreign
 
-browser: install $(BROWSER)/installed  ## the page of fnnq_torchrl.play in Chromium, which must be installed
+browser: install $(BROWSER)/installed  ## the pages of fnnq_torchrl.play and report in Chromium, which must be installed
 	$(BIN)/python -m pytest -q -m browser tests/browser
 
 docs: install $(VENV)/docs  ## the site of the documentation, into docs/_site

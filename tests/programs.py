@@ -15,7 +15,6 @@ from fnnq_torchrl.agent.parts import make_rule, make_step_size
 from fnnq_torchrl.agent.values import ValueNetwork, make_value_network
 from fnnq_torchrl.config.schema import PER_RUN, Config
 from fnnq_torchrl.engine.lanes import LANES, Values, repeat_last
-from fnnq_torchrl.equations.step_size import make_step_size
 from fnnq_torchrl.training.batch import Batch
 from fnnq_torchrl.training.jobs import Job
 from fnnq_torchrl.training.resume.saved import SavedTraining

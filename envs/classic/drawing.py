@@ -2,27 +2,25 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, cos, degrees, sin
-from typing import Any, Self
+from math import atan2, cos, sin
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from tensordict import TensorDictBase
 
-from envs.canvas import Shot, add, write_title
 from envs.classic.acrobot import Acrobot
 from envs.classic.cart_pole import CartPole
 from envs.classic.chain import Chain, right_action
 from envs.classic.mountain_car import MountainCar
 from envs.classic.random_walk import RandomWalk
-from envs.pictures import Axes, Circle, Polygon, Rectangle
+from envs.shapes import DrawnShot, Look, Shape, Span, Spot
 
-BODY, LINK, FLAG, GROUND = "#0072B2", "#E69F00", "#009E73", "0.4"
-
-Span = tuple[float, float]
+_GROUND = Look("ground", width_pt=1.5)
+_BODY, _PIN = Look(fill="body"), Look("page", "dark", radius=0.09)
 
 
 @dataclass(frozen=True)
-class CarShot(Shot):
+class CarShot(DrawnShot):
     """The car in its valley.
 
     Attributes:
@@ -36,44 +34,48 @@ class CarShot(Shot):
     road: Span
     goal: float
 
-    def draw(self, axes: Axes, film: Sequence[Self], title: str = "") -> None:
+    def limits(self) -> tuple[Span, Span]:
         low, high = self.road
-        _scene(axes, self, (low - 0.12, high + 0.12), (-0.1, high - low + 0.14))
-        axes.plot([low - 0.1] * 2, [_height(low), _height(low) + 0.4], color=GROUND, lw=3)  # a wall
-        places = np.linspace(low - 0.12, high + 0.12, 200)
-        axes.plot(places, _height(places), color=GROUND, lw=1.5)
-        axes.fill_between(places, -0.1, _height(places), color="0.92")
-        farthest = max(each.position for each in film), min(each.position for each in film)
-        for place in farthest:
-            axes.plot(place, _height(place), "|", color=BODY, ms=9, mew=1.5)
-        axes.plot(
-            [self.goal] * 2, [_height(self.goal), _height(self.goal) + 0.3], color="0.2", lw=1
-        )
-        top = _height(self.goal) + 0.3
-        flag = [(self.goal, top), (self.goal, top - 0.12), (self.goal - 0.14, top - 0.06)]
-        add(axes, Polygon(flag), facecolor=FLAG, edgecolor="none")
-        self._draw_car(axes)
-        write_title(axes, film, title)
+        return (low - 0.12, high + 0.12), (-0.1, high - low + 0.14)
 
-    def _draw_car(self, axes: Axes) -> None:
+    def still(self) -> list[Shape]:
+        low, high = self.road
+        places = np.linspace(low - 0.12, high + 0.12, 100)
+        road = [*zip(places.tolist(), _height(places).tolist(), strict=True)]
+        foot, top = _height(self.goal), _height(self.goal) + 0.3
+        flag = [(self.goal, top), (self.goal, top - 0.12), (self.goal - 0.14, top - 0.06)]
+        wall = [(low - 0.1, _height(low)), (low - 0.1, _height(low) + 0.4)]
+        return [
+            Shape([(places[0], -0.1), *road, (places[-1], -0.1)], Look(fill="earth")),
+            Shape(road, _GROUND),
+            Shape(wall, Look("ground", width_pt=3)),
+            Shape([(self.goal, foot), (self.goal, top)], Look("dark")),
+            Shape(flag, Look(fill="flag")),
+        ]
+
+    def moving(self, film: Sequence[Self]) -> list[Shape]:
+        positions = [each.position for each in film]
+        farthest = [
+            Shape([(place, _height(place) - 0.03), (place, _height(place) + 0.03)], Look("body"))
+            for place in (min(positions), max(positions))
+        ]
         slope_rad = atan2(3 * 0.45 * cos(3 * self.position), 1)
         along, up = (cos(slope_rad), sin(slope_rad)), (-sin(slope_rad), cos(slope_rad))
 
-        def place(forward: float, above: float) -> Span:
+        def place(forward: float, above: float) -> Spot:
             return (
                 self.position + forward * along[0] + above * up[0],
                 _height(self.position) + forward * along[1] + above * up[1],
             )
 
-        body = Rectangle(place(-0.09, 0.03), 0.18, 0.08, angle=degrees(slope_rad))
-        add(axes, body, facecolor=BODY, edgecolor="none", zorder=5)
-        for forward in (-0.05, 0.05):
-            wheel = Circle(place(forward, 0.035), 0.035)
-            add(axes, wheel, facecolor="0.2", edgecolor="white", linewidth=0.5, zorder=6)
+        body = [place(*at) for at in ((-0.09, 0.03), (0.09, 0.03), (0.09, 0.11), (-0.09, 0.11))]
+        wheel = Look("page", "dark", width_pt=0.5, radius=0.035)
+        wheels = [Shape([place(forward, 0.035)], wheel) for forward in (-0.05, 0.05)]
+        return [*farthest, Shape(body, _BODY), *wheels]
 
 
 @dataclass(frozen=True)
-class PoleShot(Shot):
+class PoleShot(DrawnShot):
     """The pole on its cart.
 
     Attributes:
@@ -90,27 +92,36 @@ class PoleShot(Shot):
     largest_rad: float
     pole_m: float
 
-    def draw(self, axes: Axes, film: Sequence[Self], title: str = "") -> None:
+    def limits(self) -> tuple[Span, Span]:
         across = 1.1 * self.track_m
-        _scene(axes, self, (-across, across), (0.5 - across, 0.5 + across))
-        axes.plot([-self.track_m, self.track_m], [0, 0], color=GROUND, lw=1.5)
-        for end in (-self.track_m, self.track_m):
-            axes.plot([end, end], [-0.12, 0.12], color=GROUND, lw=1.5)
-        for side in (-1, 1):
-            self._draw_pole(axes, side * self.largest_rad, color="0.75", lw=1, ls="--")
-        axes.plot([each.cart_m for each in film], [-0.3] * len(film), color=BODY, lw=1.2)
-        cart = Rectangle((self.cart_m - 0.25, -0.15), 0.5, 0.3)
-        add(axes, cart, facecolor=BODY, edgecolor="none", zorder=5)
-        self._draw_pole(axes, self.pole_rad, color=LINK, lw=4, zorder=6)
-        write_title(axes, film, title)
+        return (-across, across), (0.5 - across, 0.5 + across)
 
-    def _draw_pole(self, axes: Axes, angle_rad: float, **looks: Any) -> None:
+    def still(self) -> list[Shape]:
+        ends = [
+            Shape([(end, -0.12), (end, 0.12)], _GROUND) for end in (-self.track_m, self.track_m)
+        ]
+        return [Shape([(-self.track_m, 0), (self.track_m, 0)], _GROUND), *ends]
+
+    def moving(self, film: Sequence[Self]) -> list[Shape]:
+        left, right = self.cart_m - 0.25, self.cart_m + 0.25
+        return [
+            self._pole(-self.largest_rad, Look("faint", dashed=True)),
+            self._pole(self.largest_rad, Look("faint", dashed=True)),
+            Shape([(left, -0.15), (right, -0.15), (right, 0.15), (left, 0.15)], _BODY),
+            self._pole(self.pole_rad, Look("link", width_pt=4)),
+        ]
+
+    @classmethod
+    def trail(cls, film: Sequence[Self]) -> Shape:
+        return Shape([(each.cart_m, -0.3) for each in film], Look("body", width_pt=1.2))
+
+    def _pole(self, angle_rad: float, look: Look) -> Shape:
         top = self.cart_m + self.pole_m * sin(angle_rad), 0.15 + self.pole_m * cos(angle_rad)
-        axes.plot([self.cart_m, top[0]], [0.15, top[1]], **looks)
+        return Shape([(self.cart_m, 0.15), top], look)
 
 
 @dataclass(frozen=True)
-class AcrobotShot(Shot):
+class AcrobotShot(DrawnShot):
     """The two links, each of 1 m, and the bar 1 m above their pivot.
 
     Attributes:
@@ -121,32 +132,42 @@ class AcrobotShot(Shot):
     angle1_rad: float
     angle2_rad: float
 
+    trail_shots: ClassVar = 40
+
     @property
-    def joint(self) -> Span:
+    def joint(self) -> Spot:
         """The place of the joint between the links."""
         return sin(self.angle1_rad), -cos(self.angle1_rad)
 
     @property
-    def tip(self) -> Span:
+    def tip(self) -> Spot:
         """The place of the second link's free end."""
         x, y = self.joint
         both_rad = self.angle1_rad + self.angle2_rad
         return x + sin(both_rad), y - cos(both_rad)
 
-    def draw(self, axes: Axes, film: Sequence[Self], title: str = "") -> None:
-        _scene(axes, self, (-2.2, 2.2), (-2.2, 2.2))
-        axes.plot([-2.2, 2.2], [1, 1], color=FLAG, lw=1.5)
-        axes.plot(*zip(*(each.tip for each in film[-40:]), strict=True), color=LINK, lw=0.8)
-        places = (0.0, 0.0), self.joint, self.tip
-        axes.plot(*zip(*places[:2], strict=True), color=BODY, lw=6, solid_capstyle="round")
-        axes.plot(*zip(*places[1:], strict=True), color=LINK, lw=6, solid_capstyle="round")
-        for place in places[:2]:
-            add(axes, Circle(place, 0.09), facecolor="0.2", edgecolor="white", zorder=6)
-        write_title(axes, film, title)
+    def limits(self) -> tuple[Span, Span]:
+        return (-2.2, 2.2), (-2.2, 2.2)
+
+    def still(self) -> list[Shape]:
+        return [Shape([(-2.2, 1), (2.2, 1)], Look("flag", width_pt=1.5))]
+
+    def moving(self, film: Sequence[Self]) -> list[Shape]:
+        pivot = 0.0, 0.0
+        return [
+            Shape([pivot, self.joint], Look("body", width_pt=6)),
+            Shape([self.joint, self.tip], Look("link", width_pt=6)),
+            Shape([pivot], _PIN),
+            Shape([self.joint], _PIN),
+        ]
+
+    @classmethod
+    def trail(cls, film: Sequence[Self]) -> Shape:
+        return Shape([each.tip for each in film], Look("link", width_pt=0.8))
 
 
 @dataclass(frozen=True)
-class RowShot(Shot):
+class RowShot(DrawnShot):
     """A row of states, with an end to the right and perhaps another to the left.
 
     Attributes:
@@ -161,29 +182,50 @@ class RowShot(Shot):
     rewards: tuple[float | None, float]
     signs: str = ""
 
-    def draw(self, axes: Axes, film: Sequence[Self], title: str = "") -> None:
+    def limits(self) -> tuple[Span, Span]:
         margin = 0.07 * self.states
-        across = self.states + 1 + 2 * margin
-        _scene(axes, self, (-margin, self.states + 1 + margin), (-0.8 * across, 0.2 * across))
-        ends = [*(() if self.rewards[0] is None else (0,)), self.states + 1]
-        axes.plot([min(ends, default=1), self.states + 1], [0, 0], color="0.75", lw=1, zorder=0)
-        for place in range(1, self.states + 1):
-            here = place == self.place
-            circle = Circle((place, 0), 0.36)
-            add(axes, circle, facecolor=BODY if here else "white", edgecolor=GROUND, zorder=2)
+        across = self._across
+        return (-margin, self.states + 1 + margin), (-0.8 * across, 0.2 * across)
+
+    def still(self) -> list[Shape]:
+        last = self.states + 1
+        ends = [(end, reward) for end, reward in zip((0, last), self.rewards, strict=True)]
+        first = 1 if self.rewards[0] is None else 0
+        shapes = [Shape([(first, 0), (last, 0)], Look("faint"))]
+        for place in range(1, last):
+            shapes.append(self._state(place, "page"))
         size = min(8.0, 150 / self.states)
         for place, sign in enumerate(self.signs, start=1):
-            axes.text(place, 0.8, sign, fontsize=size, ha="center", va="bottom", color="0.4")
-        for end, reward in zip((0, self.states + 1), self.rewards, strict=True):
+            shapes.append(Shape([(place, 0.8)], Look("ground", width_pt=size, text=sign)))
+        for end, reward in ends:
             if reward is not None:
-                square = Rectangle((end - 0.36, -0.36), 0.72, 0.72)
-                looks = {"facecolor": BODY if end == self.place else "0.85", "edgecolor": GROUND}
-                add(axes, square, **looks, zorder=2)
-                axes.text(end, -0.8, f"{reward:+g}", fontsize=8, ha="center", va="top")
-        # The way so far runs downwards, from the first step below the row to the present one.
-        steps = np.linspace(-2, 0.5 - 0.8 * across, len(film)) if len(film) > 1 else [-2]
-        axes.plot([each.place for each in film], steps, color=LINK, lw=1)
-        write_title(axes, film, title)
+                shapes.append(self._state(end, "faint"))
+                words = Look("dark", width_pt=8, text=f"{reward:+g}", hangs=True)
+                shapes.append(Shape([(end, -0.8)], words))
+        return shapes
+
+    def moving(self, film: Sequence[Self]) -> list[Shape]:
+        return [self._state(self.place, "body")]
+
+    @classmethod
+    def trail(cls, film: Sequence[Self]) -> Shape:
+        """Return the way so far: it runs downwards, from the first step below the row."""
+        lowest = 0.5 - 0.8 * film[0]._across
+        heights = np.linspace(-2, lowest, len(film)).tolist()
+        places = [(each.place, height) for each, height in zip(film, heights, strict=True)]
+        return Shape(places, Look("link"))
+
+    @property
+    def _across(self) -> float:
+        return self.states + 1 + 0.14 * self.states
+
+    def _state(self, place: int, fill: str) -> Shape:
+        """Return a state's disc, or an end's square."""
+        if 0 < place <= self.states:
+            return Shape([(place, 0)], Look("ground", fill, radius=0.36))
+        left, right = place - 0.36, place + 0.36
+        corners = [(left, -0.36), (right, -0.36), (right, 0.36), (left, 0.36)]
+        return Shape(corners, Look("ground", fill))
 
 
 def of_car(env: MountainCar, one: TensorDictBase) -> CarShot:
@@ -240,15 +282,3 @@ def of_chain(env: Chain, one: TensorDictBase) -> RowShot:
 def _height(position: Any) -> Any:
     """Return the height of Mountain Car's road at places, as in Gymnasium's picture."""
     return np.sin(3 * position) * 0.45 + 0.55
-
-
-def _scene(axes: Axes, shot: Shot, x: Span, y: Span) -> None:
-    """Clear the axes and set their limits and the frame."""
-    axes.clear()
-    axes.set_aspect("equal")
-    axes.set_xlim(*x)
-    axes.set_ylim(*y)
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for spine in axes.spines.values():
-        spine.set(color=shot.edge if shot.ended else "0.85", linewidth=2.5 if shot.ended else 1)

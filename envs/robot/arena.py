@@ -121,7 +121,7 @@ class Arena(PureEnv):
             before["x_m"],
             before["y_m"],
             before["heading_rad"],
-            *kinematics.wheel_speeds(action.squeeze(-1), robot.speed_mps),
+            *kinematics.wheel_speeds(action.squeeze(-1), self._speed_mps(before)),
             robot.track_width_m,
             world.time_step_s,
         )
@@ -139,7 +139,8 @@ class Arena(PureEnv):
         }
         objects |= self._move_balls(before, walls, boxes)
         when = before["seed"], before["episode"], before["step"]
-        sensed = self._sense(objects, Draws(*when, Stream.SENSORS, self.dtype), before)
+        draws = Draws(*when, Stream.SENSORS, self.dtype, self._noise(before))
+        sensed = self._sense(objects, draws, before)
         distance_m = self._ball_distance_m(objects)
         moved = Moved(collided.unsqueeze(-1), distance_m.unsqueeze(-1), state["step"], action)
         return self._objects_last(objects | sensed) | self.judge(moved)
@@ -163,6 +164,14 @@ class Arena(PureEnv):
     def obstacles(self, state: Entries) -> tuple[Walls | None, Boxes | None, Discs | None]:
         """Return a state's walls, boxes and discs; boxes and discs are ``[objects, *batch]``."""
         return self._obstacles(self._objects_first(state))
+
+    def _speed_mps(self, before: Entries) -> float | Tensor:
+        """Return V₀, the speed of both wheels if Δv = 0."""
+        return self.world.robot.speed_mps
+
+    def _noise(self, before: Entries) -> Tensor | None:
+        """Return a factor on the errors of all sensors, ``[*batch]``; None for 1."""
+        return None
 
     def _start_ball(self, routes: list[PathConfig], draws: Draws) -> paths.Motion:
         """Draw one of a ball's paths and the ball's motion at its start."""

@@ -23,14 +23,21 @@ class Draws:
         seed, episode, step: the run, episode and step of the numbers, int64, all of one shape.
         stream: the purpose of the numbers.
         dtype: the type of the numbers.
+        spread: the standard deviation of the normal numbers, of the same shape; by default 1.
     """
 
     def __init__(
-        self, seed: Tensor, episode: Tensor, step: Tensor, stream: Stream, dtype: torch.dtype
+        self,
+        seed: Tensor,
+        episode: Tensor,
+        step: Tensor,
+        stream: Stream,
+        dtype: torch.dtype,
+        spread: Tensor | None = None,
     ) -> None:
         self._key = seed, episode
         self._block = step * BLOCKS
-        self._stream, self.dtype = stream, dtype
+        self._stream, self.dtype, self._spread = stream, dtype, spread
         self._blocks, self._words = 0, list[Tensor]()
 
     def words(self, number: int) -> Tensor:
@@ -64,13 +71,13 @@ class Draws:
         return torch.full_like(self._key[0], value, dtype=self.dtype)
 
     def normals(self, number: int) -> Tensor:
-        """Return numbers from N(0, 1), ``[number, …]``, by the Box–Muller transform."""
+        """Return numbers from N(0, spread²), ``[number, …]``, by the Box–Muller transform."""
         pairs = (number + 1) // 2
         numbers = uniform(self.words(2 * pairs), self.dtype)
         radius = torch.sqrt(-2 * torch.log(1 - numbers[:pairs]))
         angle_rad = 2 * torch.pi * numbers[pairs:]
         both = torch.cat([radius * torch.cos(angle_rad), radius * torch.sin(angle_rad)])
-        return both[:number]
+        return both[:number] if self._spread is None else self._spread * both[:number]
 
     def chances(self, number: int, probability: float) -> Tensor | None:
         """Return bools, each true with a probability, ``[number, …]``; None if that is 0."""

@@ -59,7 +59,8 @@ class FollowBall(PureEnv):
         state = {key: torch.zeros_like(angle_rad) for key in ("x_m", "y_m", "heading_rad")}
         state |= {"ball_angle_rad": angle_rad, "ball_speed_radps": speed_radps}
         # From the circle's centre, a ball at φ is seen in the direction φ.
-        state["bearing"] = self._look(angle_rad, 0, streams.box_muller(*noise), episode)
+        noise_rad = self.world.bearing_noise_rad * streams.box_muller(*noise)
+        state["bearing"] = self._look(angle_rad, 0, noise_rad, episode)
         state["chance"] = streams.spare_uniform((first, *others), self.dtype)
         return state
 
@@ -69,7 +70,9 @@ class FollowBall(PureEnv):
             state["x_m"],
             state["y_m"],
             state["heading_rad"],
-            *kinematics.wheel_speeds(self._steering(action, state["episode"]), world.speed_mps),
+            *kinematics.wheel_speeds(
+                self._steering(action, state["episode"]), self._speed_mps(state)
+            ),
             world.track_width_m,
             world.time_step_s,
         )
@@ -77,6 +80,7 @@ class FollowBall(PureEnv):
         east_m, north_m = ball_x_m - x_m, ball_y_m - y_m
         words = streams.draw(state["seed"], state["episode"], state["step"], Stream.STEP)
         u, v, chance, _ = streams.uniform(words, self.dtype)
+        noise_rad = self._noise_rad(state) * streams.box_muller(u, v)
         direction_rad = torch.atan2(north_m, east_m)
         reward, terminated, caught = outcome.judge(
             east_m,
@@ -92,14 +96,20 @@ class FollowBall(PureEnv):
             "y_m": y_m,
             "heading_rad": heading_rad,
             **ball,
-            "bearing": self._look(
-                direction_rad, heading_rad, streams.box_muller(u, v), state["episode"]
-            ),
+            "bearing": self._look(direction_rad, heading_rad, noise_rad, state["episode"]),
             "chance": chance,
             "reward": reward,
             "terminated": terminated,
             "success": caught,
         }
+
+    def _speed_mps(self, state: Entries) -> float | Tensor:
+        """Return V₀, the speed of both wheels if Δv = 0."""
+        return self.world.speed_mps
+
+    def _noise_rad(self, state: Entries) -> float | Tensor:
+        """Return the standard deviation of the bearing's error."""
+        return self.world.bearing_noise_rad
 
     def _changed(self, episode: Tensor, before: Tensor, after: Tensor) -> Tensor:
         """Return ``after`` in the episodes from ``change_at`` on, and ``before`` in those before.
@@ -138,13 +148,9 @@ class FollowBall(PureEnv):
         self,
         direction_rad: Tensor,
         heading_rad: Tensor | float,
-        noise: Tensor,
+        noise_rad: Tensor,
         episode: Tensor,
     ) -> Tensor:
-        """Return the bearing that the head reports for a ball in ``direction_rad``.
-
-        The noise is N(0, 1).
-        """
-        world = self.world
-        noise_rad = world.bearing_noise_rad * noise
-        return vision.bearing(direction_rad, heading_rad, noise_rad, world.field_of_view_rad)
+        """Return the bearing that the head reports for a ball in ``direction_rad``."""
+        edge_rad = self.world.field_of_view_rad
+        return vision.bearing(direction_rad, heading_rad, noise_rad, edge_rad)

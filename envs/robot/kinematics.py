@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 
-def wheel_speeds(steering: Tensor, speed_mps: float) -> tuple[Tensor, Tensor]:
+def wheel_speeds(steering: Tensor, speed_mps: float | Tensor) -> tuple[Tensor, Tensor]:
     """Return the wheels' speeds: v_left = V₀(1 + Δv), v_right = V₀(1 − Δv) (paper, eq. 10, 11).
 
     Args:

@@ -29,10 +29,10 @@ class FollowOneSide(FollowBall):
         self,
         direction_rad: Tensor,
         heading_rad: Tensor | float,
-        noise: Tensor,
+        noise_rad: Tensor,
         episode: Tensor,
     ) -> Tensor:
-        seen_rad = super()._look(direction_rad, heading_rad, noise, episode)
+        seen_rad = super()._look(direction_rad, heading_rad, noise_rad, episode)
         side = self._side(episode)
         return side * (side * seen_rad).clamp(min=-self.world.other_view_rad)
 

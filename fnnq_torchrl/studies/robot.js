@@ -22,6 +22,29 @@ function sector(at, x, y, radius, from, to) {
     at.fill();
 }
 
+// Draw what is around a robot: its field of view, its sonars' beams (x, y, direction, width, reading),
+// the obstacles and the walls. A box is a list of its corners.
+function surroundings(at, [x, y, heading], { view, beams, walls, discs, boxes, scale }) {
+    if (view !== null) {
+        at.fillStyle = colour("view");
+        sector(at, x, y, 20, heading - view, heading + view);
+    }
+    at.fillStyle = colour("echo");
+    for (const [east, north, direction, width, reading] of beams) {
+        sector(at, east, north, reading, direction - width / 2, direction + width / 2);
+    }
+    at.fillStyle = colour("wall");
+    for (const [east, north, radius] of discs) disc(at, east, north, radius);
+    for (const corners of boxes) {
+        at.beginPath();
+        for (const [east, north] of corners) at.lineTo(east, north);
+        at.fill();
+    }
+    at.lineWidth = 4 / scale;
+    at.strokeStyle = colour("wall");
+    if (walls) at.strokeRect(-walls[0], -walls[1], 2 * walls[0], 2 * walls[1]);
+}
+
 // Draw the robot's body, nose and wheels; `scale` is in pixels per metre.
 function robotAt(at, [x, y, heading], { radius, track, scale, edge, width }) {
     at.lineWidth = width / scale;

@@ -74,6 +74,7 @@ def look(browser: Browser, address: str, ready: str) -> dict[str, Any]:
         ]
         seen["widths"] += [page.evaluate("document.documentElement.scrollWidth - innerWidth")]
         seen["complaints"] += complaints
+        page.context.close()
     return seen
 
 

@@ -37,11 +37,25 @@ def seen(job: Path, text: str) -> dict[str, Any]:
     return visited("visit_report.py", job.parent / "report.html")
 
 
-def test_nothing_is_complained_of_and_nothing_is_clipped(seen: dict[str, Any], text: str) -> None:
+@pytest.fixture(scope="module")
+def car(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Return what a reader of the report of a job in a classic world sees."""
+    job = tmp_path_factory.mktemp("car")
+    world = "task=mountain_car", "value=fnnq", "env.time_limit_steps=40"
+    train_job(job, *world, "num_seeds=2", "situations=5", "engine=eager")
+    (job / "report.html").write_text(make_report(job, collect([job])))
+    return visited("visit_report.py", job / "report.html")
+
+
+@pytest.mark.parametrize("which", ["seen", "car"])
+def test_nothing_is_complained_of_and_nothing_is_clipped(
+    which: str, text: str, request: pytest.FixtureRequest
+) -> None:
     """Wide and as narrow as a telephone, in the light and in the dark, without a network."""
-    assert seen["complaints"] == []
-    assert seen["violations"] == []
-    assert max(seen["widths"]) <= 0
+    of = request.getfixturevalue(which)
+    assert of["complaints"] == []
+    assert of["violations"] == []
+    assert max(of["widths"]) <= 0
     assert len(text) < 6e6
 
 
@@ -67,6 +81,15 @@ def test_the_replay_moves_and_rules_light_up(seen: dict[str, Any], job: Path, te
     # Each of these rules has a label of the state that another lit rule has, too: they are near.
     rows = torch.tensor(seen["lit"]) // rules.consequents.shape[-1]
     assert rows.unique().numel() < len(rules.inputs[0].labels)
+
+
+def test_a_classic_world_is_replayed(car: dict[str, Any]) -> None:
+    assert car["moved"]
+    assert car["pressed"] == {"phase": "after", "situation": 0, "at": 1, "playing": False}
+    assert car["words"].startswith("Step 0 of 40: position -0.")
+    assert car["lit"]
+    assert car["lit_in_view"]
+    assert car["lit_before_learning"] == []
 
 
 def test_it_follows_the_readers_colours(seen: dict[str, Any]) -> None:

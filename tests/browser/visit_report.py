@@ -18,6 +18,11 @@ CHARTS = """[...document.querySelectorAll("[data-chart]")].map((place) => ({
 LIT = """[...document.querySelectorAll("[data-rule]")]
     .filter((cell) => cell.style.getPropertyValue("--fired") > 0.01)
     .map((cell) => Number(cell.dataset.rule))"""
+IN_VIEW = """[...document.querySelectorAll("[data-rule]")].some((cell) => {
+    const box = cell.closest(".scroll").getBoundingClientRect();
+    const { top, bottom } = cell.getBoundingClientRect();
+    return cell.style.getPropertyValue("--fired") > 0.3 && top >= box.top && bottom <= box.bottom;
+})"""
 PICTURE = "document.getElementById('world').toDataURL()"
 COLOUR = "getComputedStyle(document.querySelector('svg text')).fill"
 
@@ -37,7 +42,7 @@ def act(browser: Browser, address: str) -> dict[str, Any]:
     page.keyboard.press("Home")
     page.keyboard.press("ArrowRight")
     seen["pressed"] = page.evaluate("({ ...report.moment })")
-    seen["lit"] = page.evaluate(LIT)
+    seen["lit"], seen["lit_in_view"] = page.evaluate(LIT), page.evaluate(IN_VIEW)
     page.select_option("#situation", "2")
     seen["chosen"] = page.evaluate("({ ...report.moment })")
     seen["words"] = page.inner_text("#now")

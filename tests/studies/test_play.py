@@ -14,6 +14,7 @@ import torch
 
 from fnnq_torchrl import load_rules, play
 from fnnq_torchrl.agent.rules.formats import WRITERS
+from fnnq_torchrl.engine.native.errors import Unsupported
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.studies.play.command import make_server
 from fnnq_torchrl.studies.play.page import make_page
@@ -104,10 +105,33 @@ def test_a_mistake_is_one_line(
     assert told in line
 
 
-def test_another_world_is_refused(job: Path, tmp_path: Path) -> None:
-    run_job(
-        load_config("task=wander", "situations=5", "engine=eager", "env.time_limit_steps=3"),
-        tmp_path,
-    )
-    with pytest.raises(ValueError, match="its world is wander; the page is for task=follow"):
-        make_page(tmp_path)
+def short_job(directory: Path, *overrides: str) -> Path:
+    few = "situations=1", "num_seeds=1", "evaluation=none", "engine=eager", "env.time_limit_steps=3"
+    run_job(load_config(*overrides, *few), directory)
+    return directory
+
+
+def test_another_world_is_refused(tmp_path: Path) -> None:
+    job = short_job(tmp_path, "task=mountain_car")
+    with pytest.raises(ValueError, match=r"mountain_car; the page plays .*\.watch run="):
+        make_page(job, 0)
+
+
+def test_an_untranslatable_step_is_refused(job: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def write_program(*_: object) -> None:
+        raise Unsupported("no translation of sort")
+
+    monkeypatch.setattr("fnnq_torchrl.studies.play.page.write_program", write_program)
+    with pytest.raises(ValueError, match=r"no translation of sort.*fnnq_torchrl.watch run="):
+        make_page(job, 1)
+
+
+def test_the_worlds_with_obstacles_are_played_too(tmp_path: Path) -> None:
+    page = make_page(short_job(tmp_path, "task=follow_obstacles"), 0)
+    scene = data_of(page)["scene"]
+    assert len(page) < 1e6
+    assert scene["loose"] == {"disc": 3, "box": 0}
+    assert [len(scene[key]) for key in ("balls", "discs", "boxes", "ring")] == [1, 3, 0, 8]
+    leaves = [name for name, *_ in data_of(page)["leaves"]]
+    assert {f"world/{key}" for key in (*scene["shared"], "held", "speed_mps", "noise")} < {*leaves}
+    assert len(data_of(page)["rules"]["sentences"]) == 160

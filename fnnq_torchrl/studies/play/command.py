@@ -4,7 +4,7 @@ The page is served at 127.0.0.1, which only this machine can reach, until you pr
 
 Keys, each as key=value:
 
-    run     the directory of a finished job of task=follow
+    run     the directory of a finished job of task=follow, follow_obstacles or wander
     seed    the seed of one of the job's runs (default: that of the best run)
     to      a file to which the page is written, instead of being served
     port    the port at which the page is served (default: any free one)

@@ -1,7 +1,7 @@
 """The page for playing with a controller: one HTML file that needs no other file and no network."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from html import escape
 from importlib.resources import files
 from itertools import product
@@ -10,18 +10,15 @@ from typing import Any
 
 import torch
 
-from envs.robot.held_ball import HeldBall
-from envs.robot.schemas import FollowBallConfig
 from fnnq_torchrl.agent.rules import RuleBase, RulesError
 from fnnq_torchrl.agent.rules.formats import WRITERS
 from fnnq_torchrl.agent.values import FNNQValue, make_value_network
 from fnnq_torchrl.config.checking import to_config
+from fnnq_torchrl.engine.native.errors import Unsupported
 from fnnq_torchrl.studies.play.program import write_program
+from fnnq_torchrl.studies.play.scene import WORDS, scene_of
 from fnnq_torchrl.training.policies import best_seed, load_policy
 from fnnq_torchrl.training.weights import load_checkpoint
-
-_STARTS = 200
-"""The number of starts of the ball; the page uses them in turn."""
 
 _DOWNLOADS = {
     ".txt": "as sentences, from which learning can start: rules.prior=rules.txt",
@@ -42,17 +39,22 @@ def make_page(run: Path, seed: int | None = None, *, own: bool = False) -> str:
     Raises:
         OSError: if a file can't be read.
         ValueError: if the job's files are damaged, the job has no run with this seed, or its world
-            isn't one of ``task=follow``.
-        Unsupported: if the job's value function can't be written out in JavaScript.
+            or its value function can't be written out in JavaScript. The message is one line.
     """
     checkpoint = load_checkpoint(run / "checkpoint.pt")
     seed = best_seed(run) if seed is None else seed
     config = to_config(checkpoint.config, own=own)
     network = load_policy(run, seed, own=own).value_network
     world = config.env.tested
-    if not isinstance(world, FollowBallConfig):
-        raise ValueError(f"{run}: its world is {world.kind}; the page is for task=follow")
-    program = write_program(world, network, seed)
+    instead = f"to see what it has learned: python -m fnnq_torchrl.watch run={run}"
+    if world.kind not in WORDS:
+        played = "follow, follow_obstacles and wander"
+        raise ValueError(f"{run}: its world is {world.kind}; the page plays {played}; {instead}")
+    try:
+        program = write_program(world, network, seed)
+    except Unsupported as error:
+        raise ValueError(f"{run}: can't be written in JavaScript ({error}); {instead}") from error
+    words = WORDS[world.kind]
     learned = {name: weight[0].flatten().tolist() for name, weight in network.named_parameters()}
     unlearned = make_value_network(config.value, network.candidates, 1)
     before = {
@@ -60,12 +62,14 @@ def make_page(run: Path, seed: int | None = None, *, own: bool = False) -> str:
         for name, weight in unlearned.start(torch.tensor([[seed]])).items()
     }
     data = {
-        "world": asdict(world),
+        "scene": scene_of(world, seed, network.candidates.dtype),
+        "time_step_s": world.time_step_s,
+        "ends": [words.failure, words.success],
+        "inputs": [*network.in_keys],
         "action": world.action_name,
         "candidates": network.candidates.tolist(),
         "leaves": program.leaves,
         "weights": {"before": before, "after": learned},
-        "starts": _starts(world, seed, network.candidates.dtype),
     }
     if type(network) is FNNQValue:
         rules = RuleBase.from_network(network, config.value, config.env, run=0)
@@ -74,6 +78,8 @@ def make_page(run: Path, seed: int | None = None, *, own: bool = False) -> str:
     text = _part("play.html")
     for name, part in {
         "title": escape(title),
+        "heading": words.heading,
+        "drag": words.drag,
         "style": _part("play.css"),
         "data": json.dumps(data).replace("<", "\\u003c"),
         "step": program.text.replace("export function", "function"),
@@ -85,16 +91,6 @@ def make_page(run: Path, seed: int | None = None, *, own: bool = False) -> str:
 
 def _part(name: str, package: str = __package__) -> str:
     return files(package).joinpath(name).read_text(encoding="utf-8")
-
-
-def _starts(world: FollowBallConfig, seed: int, dtype: torch.dtype) -> list[dict[str, float]]:
-    """Return the ball's state at the start of each of the run's first episodes."""
-    env = HeldBall(world, [_STARTS], dtype=dtype)
-    episode = torch.arange(_STARTS).unsqueeze(-1)
-    start = env.start(torch.full_like(episode, seed), episode)
-    keys = "ball_angle_rad", "ball_speed_radps", "ball_x_m", "ball_y_m", "held"
-    rows = zip(*(start[key].squeeze(-1).tolist() for key in keys), strict=True)
-    return [dict(zip(keys, row, strict=True)) for row in rows]
 
 
 def _rules(rules: RuleBase) -> dict[str, Any]:

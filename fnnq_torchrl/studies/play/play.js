@@ -1,5 +1,5 @@
 const data = JSON.parse(document.getElementById("data").textContent);
-const world = data.world;
+const { scene } = data;
 const byId = (id) => document.getElementById(id);
 const whole = (kind) => kind === "BigInt64Array";
 
@@ -12,7 +12,7 @@ class Robot {
         this.learn(data.weights[name]);
         this.canvas = byId(name);
         this.told = byId(`told-${name}`);
-        this.caught = this.missed = 0;
+        this.ends = [0, 0];
         this.reach = half;
         this.begin();
     }
@@ -22,31 +22,35 @@ class Robot {
     }
 
     begin() {
-        for (const key of ["x_m", "y_m", "heading_rad"]) this.of[`world/${key}`][0] = 0;
+        for (const [key, numbers] of Object.entries(start)) this.of[`world/${key}`].set(numbers);
         this.of["world/seed"][0] = BigInt(Math.floor(Math.random() * 2 ** 31));
         this.trail = [];
-        // A step at rest: the head looks at the ball, and the robot stays where it is.
-        const speed = this.of.speed_mps[0];
-        this.of.speed_mps[0] = 0;
+        // A step at rest: the sensors see the objects, and the robot stays where it is.
+        const speed = this.of["world/speed_mps"][0];
+        this.of["world/speed_mps"][0] = 0;
         this.hold();
         step(this.leaf);
-        this.of.speed_mps[0] = speed;
+        this.of["world/speed_mps"][0] = speed;
         this.of["world/step"][0] = 0n;
         this.wait = 0;
         this.before = this.after = this.pose();
-        this.seen = this.of["world/bearing"][0];
+        this.seen = this.read();
     }
 
-    // Copy the ball, which both robots share, into the robot's world.
+    // Copy the objects, which both robots share, into the robot's world.
     hold() {
-        for (const [key, number] of Object.entries(ball)) this.of[`world/${key}`][0] = number;
+        for (const [key, numbers] of Object.entries(shared)) this.of[`world/${key}`].set(numbers);
+    }
+
+    read() {
+        return data.inputs.map((key) => this.of[`world/${key}`][0]);
     }
 
     pose() {
         return ["x_m", "y_m", "heading_rad"].map((key) => this.of[`world/${key}`][0]);
     }
 
-    // One step of the world; after a catch or a miss the robot waits, then starts again.
+    // One step of the world; after the end of a situation the robot waits, then starts again.
     step() {
         this.moved = false;
         if (this.wait > 0) {
@@ -56,64 +60,118 @@ class Robot {
         }
         this.hold();
         this.before = this.pose();
-        this.seen = this.of["world/bearing"][0];
+        this.seen = this.read();
         step(this.leaf);
         this.after = this.pose();
         this.moved = true;
         this.trail.push(this.after);
         if (this.of.done[0]) {
-            this.of.success[0] ? (this.caught += 1) : (this.missed += 1);
+            this.ends[this.of.success[0] ? 1 : 0] += 1;
             this.wait = 12;
         }
-        this.told.textContent = `${this.caught} caught, ${this.missed} missed`;
+        this.told.textContent = `${this.ends[1]} ${data.ends[1]}, ${this.ends[0]} ${data.ends[0]}`;
     }
 }
 
-const ball = {};
-let start = 0;
+// The state of the objects, each entry with its numbers. The situation's start is the robots' start.
+const shared = {};
+let start, situation = 0;
 
-function rollAgain() {
-    Object.assign(ball, data.starts[start % data.starts.length]);
-    start += 1;
+function nextSituation() {
+    start = scene.starts[situation % scene.starts.length];
+    situation += 1;
+    for (const key of scene.shared) shared[key] = [...start[key]];
 }
 
-rollAgain();
-const half = world.circle_radius_m + 0.4;
+nextSituation();
+const [across, up] = scene.half_size_m, half = Math.max(across, up) * (scene.walls ? 1.02 : 1);
 const robots = [new Robot("before"), new Robot("after")];
 const learned = robots[1];
+
+// Return the balls and the obstacles. A thing that can be moved has a number in the shared entries.
+function things() {
+    const balls = scene.balls.map(([radius, kind], n) => ({ shape: "ball", n, radius, reach: radius, kind }));
+    const loose = (shape, n, all) => n - (all.length - scene.loose[shape]);
+    const discs = scene.discs.map(([x, y, fixed], i, all) => {
+        const n = loose("disc", i, all), radius = n < 0 ? fixed : shared.disc_radius_m[n];
+        return { shape: "disc", n, x, y, radius, reach: radius };
+    });
+    const boxes = scene.boxes.map(([x, y, width, height, fixed], i, all) => {
+        const n = loose("box", i, all), heading = n < 0 ? fixed : shared.box_heading_rad[n];
+        return { shape: "box", n, x, y, width, height, heading, reach: Math.hypot(width, height) };
+    });
+    for (const thing of [...balls, ...discs, ...boxes]) {
+        if (thing.n >= 0) thing.x = shared[`${thing.shape}_x_m`][thing.n], thing.y = shared[`${thing.shape}_y_m`][thing.n];
+    }
+    return { balls, obstacles: [...discs, ...boxes] };
+}
+
+function movable() {
+    const { balls, obstacles } = things();
+    return [...balls, ...obstacles].filter(({ n, x }) => n >= 0 && Math.abs(x) < 1e3); // farther: left out
+}
 
 // -- pictures --------------------------------------------------------------------------------------
 function draw(robot, share) {
     const canvas = robot.canvas, at = canvas.getContext("2d"), size = canvas.width;
-    const reach = Math.max(half, ...robot.after.slice(0, 2).map((x) => Math.abs(x) + 0.4));
+    const reach = scene.walls ? half : Math.max(half, ...robot.after.slice(0, 2).map((x) => Math.abs(x) + 0.4));
     robot.reach += 0.1 * (reach - robot.reach); // the picture widens for a robot that drives away
-    const scale = size / (2 * robot.reach);
+    const scale = size / (2 * robot.reach), { balls, obstacles } = things();
     at.setTransform(1, 0, 0, 1, 0, 0);
     at.clearRect(0, 0, size, size);
     at.setTransform(0, -scale, -scale, 0, size / 2, size / 2); // ahead, the x axis, is up
-    const [x, y, heading] = robot.before.map((from, n) => from + share * (robot.after[n] - from));
-    const view = world.field_of_view_rad;
-    at.fillStyle = colour("view");
-    sector(at, x, y, 20, heading - view, heading + view);
+    const pose = robot.before.map((from, n) => from + share * (robot.after[n] - from)), [x, y, heading] = pose;
+    surroundings(at, pose, {
+        view: scene.view_rad,
+        beams: scene.ring.map(([ahead, left, turn], n) => [
+            x + ahead * Math.cos(heading) - left * Math.sin(heading),
+            y + ahead * Math.sin(heading) + left * Math.cos(heading),
+            heading + turn,
+            scene.beam_rad,
+            robot.of["world/sonar_m"][n],
+        ]),
+        walls: scene.walls ? [across, up] : null,
+        discs: obstacles.filter(({ shape }) => shape === "disc").map(({ x, y, radius }) => [x, y, radius]),
+        boxes: obstacles.filter(({ shape }) => shape === "box").map(corners),
+        scale,
+    });
     at.lineWidth = 2 / scale;
     at.strokeStyle = colour("line");
     at.setLineDash([6 / scale, 6 / scale]);
     at.beginPath();
-    at.arc(0, 0, world.circle_radius_m, 0, 2 * Math.PI);
+    if (scene.circle_m) at.arc(0, 0, scene.circle_m, 0, 2 * Math.PI);
     at.stroke();
     at.setLineDash([]);
     at.strokeStyle = colour("robot");
-    path(at, [[0, 0], ...robot.trail.slice(0, -1), [x, y]]);
+    path(at, [[start.x_m[0], start.y_m[0]], ...robot.trail.slice(0, -1), [x, y]]);
     const done = robot.wait > 0;
-    robotAt(at, [x, y, heading], {
-        radius: world.catch_distance_m,
-        track: world.track_width_m,
+    robotAt(at, pose, {
+        radius: scene.radius_m,
+        track: scene.track_width_m,
         scale,
         edge: done ? colour(robot.of.success[0] ? "good" : "bad") : colour("robot"),
         width: done ? 6 : 3,
     });
-    at.fillStyle = colour("ball");
-    disc(at, ball.ball_x_m, ball.ball_y_m, 0.09);
+    for (const { x, y, radius, kind } of balls) {
+        at.fillStyle = colour(kind === "ball" ? "ball" : "other");
+        disc(at, x, y, radius);
+    }
+    if (document.activeElement === canvas && movable().length > 1) ring(at, movable()[chosen], scale);
+}
+
+function corners({ x, y, width, height, heading }) {
+    const cos = Math.cos(heading), sin = Math.sin(heading);
+    return [[1, 1], [-1, 1], [-1, -1], [1, -1]].map(([i, j]) =>
+        [x + i * width * cos - j * height * sin, y + i * width * sin + j * height * cos]);
+}
+
+// Draw a ring around the thing that the keys move.
+function ring(at, { x, y, reach }, scale) {
+    at.lineWidth = 2 / scale;
+    at.strokeStyle = colour("text");
+    at.beginPath();
+    at.arc(x, y, reach + 5 / scale, 0, 2 * Math.PI);
+    at.stroke();
 }
 
 // Draw Q of every candidate, on a scale from the lowest to the highest Q.
@@ -151,17 +209,18 @@ function drawValues() {
 }
 
 function why() {
-    const bearing = learned.seen, steer = learned.of.action[0];
-    const side = (x, left, right) => (Math.abs(x) < 0.005 ? "ahead" : x > 0 ? left : right);
-    const seen = `The head sees the ball at ${bearing.toFixed(2)} rad (${side(bearing, "left", "right")}).`;
-    const does = `The highest value has ${data.action} ${steer.toFixed(1)} (${side(steer, "to the right", "to the left")}).`;
+    const steer = learned.of.action[0];
+    const side = Math.abs(steer) < 0.005 ? "straight ahead" : steer > 0 ? "to the right" : "to the left";
+    const seen = `The robot reads ${data.inputs.map((key, n) => `${key} ${fixed(learned.seen[n], 2)}`).join(", ")}.`;
+    const does = `The highest value has ${data.action} ${fixed(steer, 1)} (${side}).`;
     if (!data.rules) return `${seen} ${does}`;
     const fired = [...learned.of.fired], most = fired.indexOf(Math.max(...fired));
     const value = number(learned.of["weights/weight"][most]);
     return `${seen} ${does} The rule that fires most: ${data.rules.sentences[most]} ${value}.`;
 }
 
-const number = (x) => Number(x.toPrecision(4)).toString();
+const number = (x) => Number(x.toFixed(4)).toString();
+const fixed = (x, digits) => (Number(x.toFixed(digits)) + 0).toFixed(digits); // no minus before a zero
 
 // -- the rules -------------------------------------------------------------------------------------
 const cells = [];
@@ -223,39 +282,66 @@ function download(file) {
     URL.revokeObjectURL(link.href);
 }
 
-// -- the ball in the reader's hand -----------------------------------------------------------------
-function take(x, y) {
-    Object.assign(ball, { held: 1, ball_x_m: clamp(x), ball_y_m: clamp(y) });
+// -- the objects in the reader's hand --------------------------------------------------------------
+let chosen = 0; // the number of the movable thing that the keys move
+
+// Return the number of the thing to move from a place: the nearest within reach, else the first ball.
+function grasp(x, y) {
+    const near = movable().map((thing) => Math.hypot(thing.x - x, thing.y - y) - thing.reach);
+    const nearest = near.indexOf(Math.min(...near));
+    return near[nearest] < 0.15 ? nearest : scene.balls.length ? 0 : -1;
 }
-const clamp = (x) => Math.max(-half, Math.min(half, x));
+
+function take(x, y) {
+    const { shape, n, reach } = movable()[chosen];
+    const clamp = (place, edge) => Math.max(reach - edge, Math.min(edge - reach, place));
+    const edges = scene.walls ? [across, up] : [half + reach, half + reach];
+    shared[`${shape}_x_m`][n] = clamp(x, edges[0]);
+    shared[`${shape}_y_m`][n] = clamp(y, edges[1]);
+    if (shape === "ball") shared.held[n] = 1;
+}
 
 for (const robot of robots) {
     const canvas = robot.canvas;
-    const move = (event) => {
+    const place = (event) => {
         const box = canvas.getBoundingClientRect(), scale = box.width / (2 * robot.reach);
-        take(robot.reach - (event.clientY - box.top) / scale, robot.reach - (event.clientX - box.left) / scale);
+        return [robot.reach - (event.clientY - box.top) / scale, robot.reach - (event.clientX - box.left) / scale];
     };
+    let holds = false;
     canvas.addEventListener("pointerdown", (event) => {
+        const thing = grasp(...place(event));
+        holds = thing >= 0;
+        if (!holds) return;
+        chosen = thing;
         canvas.setPointerCapture(event.pointerId);
-        move(event);
+        take(...place(event));
     });
-    canvas.addEventListener("pointermove", (event) => event.buttons && move(event));
+    canvas.addEventListener("pointermove", (event) => holds && event.buttons && take(...place(event)));
     canvas.addEventListener("keydown", (event) => {
+        const all = movable();
         const by = { ArrowUp: [0.1, 0], ArrowDown: [-0.1, 0], ArrowLeft: [0, 0.1], ArrowRight: [0, -0.1] }[event.key];
-        if (!by) return;
+        if (all.length === 0 || !(by || event.key === "Enter")) return;
         event.preventDefault();
-        take(ball.ball_x_m + by[0], ball.ball_y_m + by[1]);
+        if (by) take(all[chosen].x + by[0], all[chosen].y + by[1]);
+        else chosen = (chosen + 1) % all.length;
     });
 }
 
 // -- the controls ----------------------------------------------------------------------------------
-const units = { speed_mps: "m/s", bearing_noise_rad: "rad", pace: "times as fast" };
-for (const [id, unit] of Object.entries(units)) {
-    const dial = byId(id), told = document.querySelector(`output[for=${id}]`);
+const dials = {
+    speed_mps: { unit: "m/s" },
+    noise: scene.noise === "noise"
+        ? { unit: "times as large", max: 10, step: 0.1 }
+        : { unit: "rad", max: 0.5, step: 0.005 },
+    pace: { unit: "times as fast" },
+};
+for (const [id, { unit, ...limits }] of Object.entries(dials)) {
+    const dial = Object.assign(byId(id), limits), told = document.querySelector(`output[for=${id}]`);
     const tell = () => (told.textContent = `${dial.value} ${unit}`);
     if (id !== "pace") {
-        dial.value = learned.of[id][0];
-        dial.addEventListener("input", () => robots.forEach((robot) => (robot.of[id][0] = dial.valueAsNumber)));
+        const key = `world/${id === "noise" ? scene.noise : id}`;
+        dial.value = learned.of[key][0];
+        dial.addEventListener("input", () => robots.forEach((robot) => (robot.of[key][0] = dial.valueAsNumber)));
     }
     dial.addEventListener("input", tell);
     tell();
@@ -266,8 +352,9 @@ byId("pause").addEventListener("click", () => {
     byId("pause").textContent = running ? "Pause" : "Go on";
 });
 byId("restart").addEventListener("click", () => robots.forEach((robot) => robot.begin()));
-byId("roll").addEventListener("click", () => {
-    rollAgain();
+byId("next").addEventListener("click", () => {
+    nextSituation();
+    chosen = 0;
     robots.forEach((robot) => robot.begin());
 });
 
@@ -277,17 +364,17 @@ function frame(now) {
     const pace = byId("pace").valueAsNumber;
     if (running) due += Math.min(0.2, (now - last) / 1000) * pace;
     last = now;
-    while (due >= world.time_step_s) {
-        due -= world.time_step_s;
+    while (due >= data.time_step_s) {
+        due -= data.time_step_s;
         robots.forEach((robot) => robot.step());
         const moved = robots.find((robot) => robot.moved);
-        if (moved) for (const key of Object.keys(ball)) ball[key] = moved.of[`world/${key}`][0];
+        if (moved) for (const key of scene.shared) shared[key] = [...moved.of[`world/${key}`]];
         light();
         drawValues();
     }
-    robots.forEach((robot) => draw(robot, due / world.time_step_s));
+    robots.forEach((robot) => draw(robot, due / data.time_step_s));
     requestAnimationFrame(frame);
 }
 requestAnimationFrame(frame);
 // For the tests, and for the browser's console.
-globalThis.play = { robots, ball, learned, step, filled, data };
+globalThis.play = { robots, shared, learned, step, filled, data };

@@ -1,16 +1,15 @@
 """The step that the page repeats, in JavaScript: a greedy action, then a step of the world."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torch.func import functional_call
 
+from envs.core.pure import PureEnv
 from envs.core.world import WorldConfig
-from envs.robot.held_ball import HeldBall
-from envs.robot.schemas import FollowBallConfig
+from envs.robot.played import PLAYED
 from fnnq_torchrl.agent.gradient import gradient
 from fnnq_torchrl.agent.learning_step import act
 from fnnq_torchrl.agent.policy import EpsilonGreedyPolicy
@@ -19,19 +18,6 @@ from fnnq_torchrl.engine.graphs import leaves
 from fnnq_torchrl.engine.loops import Step
 from fnnq_torchrl.engine.native.javascript import ARRAYS, module
 from fnnq_torchrl.engine.native.translation import written_out
-
-DIALS = "speed_mps", "bearing_noise_rad"
-"""The world's parameters that the page can change between steps."""
-
-
-class _Dialled:
-    """A world's parameters, with tensors in place of the numbers that the page can change."""
-
-    def __init__(self, world: WorldConfig, dials: dict[str, Tensor]) -> None:
-        self._world, self._dials = world, dials
-
-    def __getattr__(self, name: str) -> Any:
-        return self._dials[name] if name in self._dials else getattr(self._world, name)
 
 
 @dataclass(frozen=True)
@@ -49,11 +35,11 @@ class Program:
 
 
 @torch.no_grad()
-def write_program(world: FollowBallConfig, network: ValueNetwork, seed: int) -> Program:
-    """Write the step of a network's greedy policy in a world whose ball can be held.
+def write_program(world: WorldConfig, network: ValueNetwork, seed: int) -> Program:
+    """Write the step of a network's greedy policy in a world with objects that can be moved.
 
     Args:
-        world: the parameters of the world.
+        world: the parameters of the world, which is one of :data:`envs.robot.played.PLAYED`.
         network: the network, with one run's weights.
         seed: the seed of the world's random numbers.
 
@@ -72,7 +58,7 @@ def write_program(world: FollowBallConfig, network: ValueNetwork, seed: int) -> 
 
 
 def make_step(
-    world: FollowBallConfig, network: ValueNetwork, seed: int
+    world: WorldConfig, network: ValueNetwork, seed: int
 ) -> tuple[Step, TensorDict, TensorDict]:
     """Return the step of two runs, its constant inputs and the state before the first step.
 
@@ -84,10 +70,10 @@ def make_step(
     Args:
         world, network, seed: as in :func:`write_program`.
     """
-    env = HeldBall(world, [2], seed=torch.full([2], seed), dtype=network.candidates.dtype)
+    dtype = network.candidates.dtype
+    env = PLAYED[world.kind](world, [2], seed=torch.full([2], seed), dtype=dtype)
     start = env.reset()
     weights, real = network.start(start["seed"]), torch.zeros_like(start["chance"])
-    dials = {name: real + getattr(world, name) for name in DIALS}
     no = torch.zeros_like(real, dtype=torch.bool)
     told = {
         "action": real.clone(),
@@ -98,16 +84,15 @@ def make_step(
     if isinstance(network, FNNQValue):
         told["fired"] = torch.zeros_like(weights["weight"])
     kept = [*map(str, env.state_spec.keys()), "chance"]
-    stays = TensorDict({"weights": weights, "epsilon": real, **dials}, [2])
+    stays = TensorDict({"weights": weights, "epsilon": real}, [2])
     state = TensorDict({"world": start.select(*kept), **told}, [2])
     return _step(env, network), stays, state
 
 
-def _step(env: HeldBall, network: ValueNetwork) -> Step:
-    policy, world = EpsilonGreedyPolicy(network, epsilon=0.0), env.world
+def _step(env: PureEnv, network: ValueNetwork) -> Step:
+    policy = EpsilonGreedyPolicy(network, epsilon=0.0)
 
     def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
-        env.world = _Dialled(world, {name: stays[name] for name in DIALS})  # type: ignore[assignment]
         weights = dict(stays["weights"].items())
         acted = act(policy, weights, stays["epsilon"], state["world"])
         observations = [state["world"][key] for key in network.in_keys]

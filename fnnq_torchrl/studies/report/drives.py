@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from math import ceil
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from envs.robot.drawing import Shot
+from envs.shapes import DrawnShot, Look, Shape
 from fnnq_torchrl.config.schema import Config, ConfigError
 from fnnq_torchrl.studies.report.charts import Missing, number_of
 from fnnq_torchrl.studies.rules.job import Chosen, read_job
@@ -16,6 +18,9 @@ from fnnq_torchrl.training.watching import Film, play
 from fnnq_torchrl.training.weights import load_checkpoint
 
 _SITUATIONS = 8
+_MOST = 500
+"""The largest number of a situation's steps that are shown; of longer ones every second, or so."""
+
 _LEAST = 0.01
 """The least firing strength that is shown."""
 
@@ -39,8 +44,9 @@ def drives_of(
         ``films``: for ``before`` and ``after`` learning, the situations with their shots; only if
         the world has a drawing. ``told``: for each situation after learning, the observation and
         the action of each step and the rules that fired; ``names`` of the observations and the
-        action, and ``score`` in words; only with rules. ``why``: the reason why
-        there are no films.
+        action, and ``score`` in words; only with rules. ``why``: the reason why there are no films.
+        Each situation also has its number of ``steps`` and its ``success``; every ``every``-th
+        step is there.
 
     Raises:
         OSError, ValueError: if the job's files can't be read, or are damaged.
@@ -76,14 +82,52 @@ def _films(directory: Path, seed: int, config: Config, number: int) -> dict[str,
 
 
 def _film(film: Film) -> dict[str, Any]:
+    shown = [*film[: -1 : _every(len(film) - 1)], film[-1]]
+    drawn = [shot for shot in shown if isinstance(shot, DrawnShot)]
+    pictures = _of_shapes(drawn) if drawn else _from_above(shown)
+    return _ending(film[-1].success, len(film) - 1) | pictures
+
+
+def _ending(success: bool, steps: int) -> dict[str, Any]:
+    return {"success": success, "steps": steps, "every": _every(steps)}
+
+
+def _every(steps: int) -> int:
+    return max(1, ceil(steps / _MOST))
+
+
+def _of_shapes(film: list[DrawnShot]) -> dict[str, Any]:
+    """Return a film as shapes, each with the number of its look and its places."""
+    looks: dict[Look, int] = {}
+
+    def plain(shape: Shape) -> list[Any]:
+        return [looks.setdefault(shape.look, len(looks)), _rounded(shape.places)]
+
+    last = film[-1]
+    trail = last.trail(film)
+    found = {
+        "limits": _rounded(last.limits()),
+        "still": [*map(plain, last.still())],
+        "shots": [
+            [*map(plain, shot.moving(film[: number + 1]))] for number, shot in enumerate(film)
+        ],
+        "trail": None if trail is None else plain(trail),
+        "trail_shots": last.trail_shots,
+    }
+    usual = asdict(Look())
+    differences = [
+        {name: value for name, value in asdict(look).items() if value != usual[name]}
+        for look in looks
+    ]
+    return found | {"looks": differences}
+
+
+def _from_above(film: Sequence[Any]) -> dict[str, Any]:
     shots = [shot for shot in film if isinstance(shot, Shot)]
-    if not shots:
-        raise ConfigError("Only the robot's worlds are drawn here; fnnq_torchrl.watch draws others")
-    first, last = asdict(shots[0]), shots[-1]
+    first = asdict(shots[0])
     return {
         "still": {name: _rounded(first[name]) for name in _STILL},
         "kinds": [kind for *_, kind in first["balls"]],
-        "success": last.success,
         "shots": [_shot(shot) for shot in shots],
     }
 
@@ -92,7 +136,6 @@ def _shot(shot: Shot) -> dict[str, Any]:
     told: dict[str, Any] = {
         "pose": _rounded(shot.pose),
         "balls": [_rounded(ball[:3]) for ball in shot.balls],
-        "reward": number_of(shot.reward),
     }
     if shot.bearing_rad is not None:
         told["bearing"] = number_of(shot.bearing_rad)
@@ -115,12 +158,12 @@ def _told(reading: Reading, situation: int) -> dict[str, Any]:
         dim=-1,
     )
     success = bool(played.after["success"][len(points) - 1, 0, situation])
-    return {
-        "success": success,
-        "seen": [_rounded(point) for point in points.tolist()],
+    shown = slice(None, None, _every(len(points)))
+    return _ending(success, len(points)) | {
+        "seen": [_rounded(point) for point in points[shown].tolist()],
         "fired": [
             [[rule, round(row[rule], 3)] for rule in range(len(row)) if row[rule] >= _LEAST]
-            for row in firing.tolist()
+            for row in firing[shown].tolist()
         ],
     }
 

@@ -80,7 +80,10 @@ def make_report(directory: Path, results: Results, *, own: bool = False) -> str:
     listed = [chart for kind in kinds for chart in kind.charts]
     listed += [chart for of_part in charts.values() for chart in of_part or []]
     script = "\n".join(
-        [_part("robot.js", "fnnq_torchrl.studies"), _part("replay.js"), _part("report.js")]
+        [
+            _part("robot.js", "fnnq_torchrl.studies"),
+            *map(_part, ("shapes.js", "replay.js", "report.js")),
+        ]
     )
     return _template().render(
         title=directory.absolute().name,

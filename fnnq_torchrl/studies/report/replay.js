@@ -1,7 +1,7 @@
 // The replay of the best run's test. The steps are those that the environment recorded.
 const data = JSON.parse(document.getElementById("data").textContent);
 const byId = (id) => document.getElementById(id);
-const STEPS_PER_SECOND = 15;
+const SLOWEST = 15, LONGEST_S = 20; // a replay's least moments per second, and its longest time
 const replay = data.replay;
 const moment = { phase: "after", situation: 0, at: 0, playing: false };
 
@@ -13,30 +13,43 @@ function told() {
     return moment.phase === "after" ? replay.told?.[moment.situation] : undefined;
 }
 
-function steps() {
+// Return the number of the last moment; of a long situation not every step is shown.
+function moments() {
     return film() ? film().shots.length - 1 : told().seen.length;
 }
 
 // Show the present moment: the picture, the words and the rules that fire.
 function showMoment() {
-    moment.at = Math.min(moment.at, steps());
-    byId("at").max = steps();
+    moment.at = Math.min(moment.at, moments());
+    byId("at").max = moments();
     byId("at").value = moment.at;
     byId("go").textContent = moment.playing ? "Pause" : "Play";
     byId("now").textContent = words();
-    if (film()) drawFilm(byId("world"), film(), moment.at);
+    if (film()) (film().looks ? drawShapes : drawFilm)(byId("world"), film(), moment.at);
     const fired = new Map(told()?.fired[moment.at] ?? []);
     for (const cell of document.querySelectorAll("[data-rule]")) {
         // The root makes rules that fire weakly visible, too.
         cell.style.setProperty("--fired", Math.sqrt(fired.get(Number(cell.dataset.rule)) ?? 0));
+    }
+    const [most] = [...fired].sort(([, one], [, other]) => other - one);
+    if (most) bringIntoView(document.querySelector(`[data-rule="${most[0]}"]`));
+}
+
+// Scroll the table of a long rule base, but not the page, until it shows a rule.
+function bringIntoView(cell) {
+    const box = cell.closest(".scroll"), inside = box.getBoundingClientRect(), here = cell.getBoundingClientRect();
+    if (here.top < inside.top || here.bottom > inside.bottom) {
+        box.scrollTop += (here.top + here.bottom - inside.top - inside.bottom) / 2;
     }
 }
 
 function words() {
     const seen = told()?.seen[moment.at];
     const numbers = seen ? seen.map((value, n) => `${replay.names[n]} ${value.toFixed(2)}`).join(", ") : "";
-    const over = moment.at === steps() ? `, the end: ${ending(moment.situation)}` : "";
-    return `Step ${moment.at} of ${steps()}${over}${numbers && `: ${numbers}`}`;
+    const { steps, every } = film() ?? told();
+    const over = moment.at === moments() ? `, the end: ${ending(moment.situation)}` : "";
+    const step = `Step ${Math.min(moment.at * every, steps)} of ${steps}`;
+    return `${step}${over}${numbers && `: ${numbers}`}`;
 }
 
 function ending(situation) {
@@ -61,25 +74,14 @@ function drawFilm(canvas, { still, shots, kinds, success }, now) {
     at.setTransform(1, 0, 0, 1, 0, 0);
     at.clearRect(0, 0, canvas.width, canvas.height);
     at.setTransform(scale, 0, 0, -scale, canvas.width / 2, canvas.height / 2);
-    const [x, y, heading] = shot.pose;
-    if (still.view_rad !== null) {
-        at.fillStyle = colour("view");
-        sector(at, x, y, 20, heading - still.view_rad, heading + still.view_rad);
-    }
-    at.fillStyle = colour("echo");
-    for (const [east, north, direction, beam, reading] of shot.beams ?? []) {
-        sector(at, east, north, reading, direction - beam / 2, direction + beam / 2);
-    }
-    at.fillStyle = colour("wall");
-    for (const [east, north, radius] of still.discs) disc(at, east, north, radius);
-    for (const corners of still.boxes) {
-        at.beginPath();
-        for (const [east, north] of corners) at.lineTo(east, north);
-        at.fill();
-    }
-    at.lineWidth = 4 / scale;
-    at.strokeStyle = colour("wall");
-    if (still.walls) at.strokeRect(-across, -up, 2 * across, 2 * up);
+    surroundings(at, shot.pose, {
+        view: still.view_rad,
+        beams: shot.beams ?? [],
+        walls: still.walls ? still.half_size_m : null,
+        discs: still.discs,
+        boxes: still.boxes,
+        scale,
+    });
     const done = now === shots.length - 1, result = colour(success ? "good" : "bad");
     ways(at, shots, now, scale);
     shot.balls.forEach(([east, north, radius], n) => {
@@ -108,9 +110,9 @@ function ways(at, shots, now, scale) {
 let last = 0;
 function tick(now) {
     if (!moment.playing) return;
-    if (now - last >= 1000 / STEPS_PER_SECOND) {
+    if (now - last >= 1000 / Math.max(SLOWEST, moments() / LONGEST_S)) {
         last = now;
-        if (moment.at === steps()) moment.playing = false;
+        if (moment.at === moments()) moment.playing = false;
         else moment.at += 1;
         showMoment();
     }
@@ -120,7 +122,7 @@ function tick(now) {
 function startReplay() {
     byId("go").addEventListener("click", () => {
         moment.playing = !moment.playing;
-        if (moment.playing && moment.at === steps()) moment.at = 0;
+        if (moment.playing && moment.at === moments()) moment.at = 0;
         showMoment();
         requestAnimationFrame(tick);
     });
@@ -140,6 +142,6 @@ function startReplay() {
     });
     listSituations();
     // The middle of a situation shows more than its start.
-    moment.at = Math.floor(steps() / 2);
+    moment.at = Math.floor(moments() / 2);
     showMoment();
 }

@@ -9,12 +9,14 @@ from matplotlib.colors import to_rgb
 
 from envs import make_world
 from envs.canvas import BAD, GOOD, Canvas, Shot
-from envs.classic.drawing import BODY, LINK, AcrobotShot, CarShot, PoleShot, RowShot
+from envs.classic.drawing import AcrobotShot, CarShot, PoleShot, RowShot
 from envs.core.parameters import ConfigError
 from envs.drawing import shot_of
+from envs.shapes import INKS
 from tests.compositions import config_of
 
 SIZE_PX = 300
+BODY, LINK = INKS["body"], INKS["link"]
 
 
 def painted(shot: Shot, colour: str) -> tuple[float, float]:

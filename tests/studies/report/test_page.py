@@ -9,6 +9,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from html.parser import HTMLParser
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 import torch
 
+from envs.shapes import INKS
 from fnnq_torchrl import load_rules, report
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.studies.report import charts, page
@@ -236,15 +238,52 @@ def test_parts_that_are_missing_say_why(tmp_path: Path) -> None:
     assert "in 1 job." in text
 
 
-def test_a_world_without_a_drawing_is_replayed_in_numbers(tmp_path: Path) -> None:
+def test_a_classic_world_is_replayed_in_shapes(tmp_path: Path) -> None:
     overrides = "task=mountain_car", "value=fnnq", "env.time_limit_steps=4", "evaluation=random"
     text = text_of(train_job(tmp_path / "car", *FEW, *overrides))
     replay = data_of(text)["replay"]
-    assert "There is no picture: " in text
-    assert "Only the robot&#39;s worlds are drawn here" in text
+    assert "There is no picture: " not in text
+    for films in replay["films"].values():
+        assert len(films) == page.drives._SITUATIONS
+        for film in films:
+            assert [film[key] for key in ("steps", "every", "success")] == [4, 1, False]
+            assert len(film["shots"]) == 5
+            assert all(len(shot) == len(film["shots"][0]) for shot in film["shots"])
+    film, told = replay["films"]["after"][0], replay["told"][0]
+    places = [number for number, look in enumerate(film["looks"]) if look == {"fill": "body"}]
+    for (position, *_), shot in zip(told["seen"], film["shots"], strict=False):
+        [body] = [corners for look, corners in shot if look in places]
+        assert sum(x for x, _ in body) / 4 == pytest.approx(position, abs=0.1)
+
+
+def test_long_situations_are_thinned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page.drives, "_MOST", 3)
+    overrides = "task=mountain_car", "value=fnnq", "env.time_limit_steps=7", "evaluation=random"
+    replay = data_of(text_of(train_job(tmp_path / "car", *FEW, *overrides)))["replay"]
+    film, told = replay["films"]["after"][0], replay["told"][0]
+    assert (film["steps"], film["every"]) == (told["steps"], told["every"]) == (7, 3)
+    assert len(film["shots"]) == len(told["seen"]) + 1 == 4  # steps 0, 3, 6 and the last
+
+
+def test_a_world_without_a_drawing_is_replayed_in_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def shot_of(*_: object) -> None:
+        raise ConfigError("it has no picture")
+
+    monkeypatch.setattr("fnnq_torchrl.training.watching.shot_of", shot_of)
+    overrides = "task=mountain_car", "value=fnnq", "env.time_limit_steps=4", "evaluation=random"
+    text = text_of(train_job(tmp_path / "car", *FEW, *overrides))
+    replay = data_of(text)["replay"]
+    assert "There is no picture: it has no picture" in text
     assert replay["films"] is None
     assert len(replay["told"]) == page.drives._SITUATIONS
     assert 'id="world"' not in text
+
+
+def test_the_page_has_every_colour_of_the_shapes() -> None:
+    css = files("fnnq_torchrl.studies.report").joinpath("report.css").read_text()
+    assert all(css.count(f"--{ink}:") == 2 for ink in INKS)
 
 
 def test_a_damaged_job_still_has_its_scores(copy: Path) -> None:
