@@ -29,8 +29,6 @@ from fnnq_torchrl.studies.reproduction.verdicts import Verdict, verdict
 from fnnq_torchrl.studies.statistics import Interval
 from tests.small_world_files import RUNS
 
-pytestmark = pytest.mark.long  # the results of all experiments are invented first
-
 
 @pytest.fixture(scope="module")
 def general(experiments: dict[str, Experiment]) -> dict[str, Experiment]:
@@ -130,7 +128,7 @@ def test_the_part_replaces_its_predecessor() -> None:
 
 
 def test_the_command_writes_the_part_alone(
-    results: Path,
+    experiments: dict[str, Experiment],
     tmp_path: Path,
     part: str,
     monkeypatch: pytest.MonkeyPatch,
@@ -138,8 +136,9 @@ def test_the_command_writes_the_part_alone(
 ) -> None:
     drawn: list[str] = []
     command = "fnnq_torchrl.studies.reproduction.command"
+    monkeypatch.setattr(f"{command}.newest_experiment", lambda root, name: experiments[name])
     monkeypatch.setattr(f"{command}.draw", lambda figures, to: drawn.extend(figures))
-    words = ["reproduction", "--general", "--results", str(results), "--to", str(tmp_path)]
+    words = ["reproduction", "--general", "--to", str(tmp_path)]
     monkeypatch.setattr("sys.argv", words)
     with pytest.raises(SystemExit):
         main()

@@ -145,11 +145,10 @@ def test_the_command_writes_the_page(
     monkeypatch.setattr(sys, "argv", told)
     values.main()
     text = (tmp_path / "value_functions.md").read_text(encoding="utf-8")
-    best = "* **Mountain Car**: `fnnq` is best after learning: 100 [100, 100] steps to the goal."
-    assert best in text
-    other = "`fuzzy_q` comes to 105 [105, 105], a difference of +5 [+5, +5] from `fnnq`."
-    assert f"{best} {other}" in text
-    assert "* **The ball**: `fnnq` is best after learning: 4.50 [" in text
+    best = "after learning, `fnnq` is best, with 100 [100, 100] steps to the goal and 90 weights."
+    other = "`fuzzy_q` has 105 [105, 105], +5 [+5, +5] of difference, with 90 weights."
+    assert f"* **Mountain Car**: {best} {other}" in text
+    assert "* **The ball**: after learning, `fnnq` is best, with 4.50 [" in text
     assert "* **Often failing**: `table` on Cart-Pole (100%)." in text
     assert "**`table` fails** in 100% of the runs. Cells are large." in text
     assert "| `fuzzy_q` | 90 | 0.5 | 0.3 (sweep's best: λ = 0.5, α = 0.1) | 300 |" in text

@@ -34,7 +34,7 @@ def curves_figure(learners: Sequence[Learner]) -> Figure:
         _dress(axes, world)
         axes.set_xlabel("episodes learned from")
         axes.set_xlim(0, x[-1])
-    row[-1].legend(frameon=False)
+    row[1].legend(frameon=False, loc="center right")
     return figure
 
 
@@ -88,4 +88,8 @@ def _dress(axes: Axes, world: World) -> None:
     axes.set_ylabel(world.measure)
     if world.sign < 0:
         axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        axes.set_yticks([tick for tick in (100, 200, 500, 1000) if low <= tick <= high])
+        axes.yaxis.set_major_formatter("{x:,.0f}")
+        axes.yaxis.set_minor_formatter("")
     quiet_grid(axes)
