@@ -34,7 +34,7 @@ def curves_figure(learners: Sequence[Learner]) -> Figure:
         _dress(axes, world)
         axes.set_xlabel("episodes learned from")
         axes.set_xlim(0, x[-1])
-    row[1].legend(frameon=False, loc="center right")
+    row[0].legend(frameon=False, fontsize=8, loc="center right", bbox_to_anchor=(1, 0.6))
     return figure
 
 
