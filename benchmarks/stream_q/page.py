@@ -93,9 +93,9 @@ ball, a catch is worth 1 and a miss −0.5, and all have 21 candidate actions.
 * *Truncation.* An episode that is cut off at the time limit bootstraps from its last state here. In
   the authors' program its last target doesn't.
 * *The first layer.* The program sets nine tenths of each unit's incoming weights to 0, rounded up:
-  with fewer than ten inputs, that is all of them. Here at least one weight of each unit isn't 0. This
-  explains the difference on the ball: changed in this alone, the authors' program caught 99 % in the
-  last fifth of its steps, in both of two runs.
+  with fewer than ten inputs, that is all of them. Here at least one weight of each unit isn't 0.
+  This explains the difference on the ball: changed in this alone, the authors' program caught 99 %
+  in the last fifth of its steps, in both of two runs.
 * *Time.* The program adds the time within the episode to the observations, as a further input that
   rises from −0.5 to 0.5 up to the time limit.
 * *Precision.* Statistics are float32 here and float64 there.
@@ -232,8 +232,9 @@ def _world_or_recipe(known: Mapping[tuple[str, str], Series]) -> str:
         return ""
     return (
         " So the world isn't too hard for the recipe. The perceptrons of [adaptive.md](adaptive.md)"
-        " hardly learn it with ObGD, because they have a part of the recipe only: neither"
-        " normalised observations, nor scaled rewards, nor an output for each action."
+        " learn little with ObGD. They lack several parts of the recipe at once: a second layer,"
+        " normalised observations, scaled rewards, an output for each action, a falling ε. Which of"
+        " these matter isn't tested here."
     )
 
 

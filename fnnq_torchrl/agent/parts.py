@@ -40,7 +40,10 @@ def make_step_size(config: Config) -> StepSize:
     Raises:
         ConfigError: if the user's class can't be imported or isn't a :class:`.StepSize`.
     """
-    return class_of("step_size", config.step_size, STEP_SIZES, StepSize)()
+    kind = class_of("step_size", config.step_size, STEP_SIZES, StepSize)
+    if not is_own(config.step_size):
+        return kind()
+    return _tried(f"step_size={config.step_size}", kind)
 
 
 def check_own(config: Config) -> None:
@@ -96,9 +99,12 @@ def _check_step_size(config: Config) -> None:
     alpha = gradient[0].abs()
     for number in rule.numbers:
         _check_key(f"{key}: numbers has {number}", number)
-    numbers = {number: alpha + getattr(config, number) for number in rule.numbers}
-    start = _tried(f"{key}: its start", lambda: dict(rule.start(alpha, [gradient])))
-    for name, [*kept] in start.items():
+    numbers = {number: alpha + config.of_run(number) for number in rule.numbers}
+    start = _tried(
+        f"{key}: its start",
+        lambda: {name: [*kept] for name, kept in dict(rule.start(alpha, [gradient])).items()},
+    )
+    for name, kept in start.items():
         _check_like(f"{key}: its start: {name}", kept, [[gradient]])
     _, sizes, after, state = _tried(
         f"{key}: its update", lambda: Stepped(*rule.update(alpha, numbers, start, step))

@@ -63,7 +63,7 @@ def load_config(*overrides: str) -> Config:
         return to_config(compose(primary, others), own=True)
 
 
-def offer_own_step_sizes(overrides: Sequence[str]) -> None:
+def offer_own_step_sizes(overrides: Sequence[str], *, again: bool = True) -> None:
     """Add the user's classes in ``step_size=module:Class`` to the choices of this group.
 
     The other keys that can name a class aren't groups, so Hydra takes any text for them. A step
@@ -71,13 +71,16 @@ def offer_own_step_sizes(overrides: Sequence[str]) -> None:
 
     Args:
         overrides: the overrides that will be composed.
+        again: False to leave a class alone that is among the choices, perhaps with a job's values.
     """
     for line in overrides:
         if key_of(line) != _OPEN:
             continue
         for kind in re.findall(r"[\w.]+:\w+", line.replace("\\:", ":")):
             node = {"defaults": ["constant", "_self_"], _OPEN: kind}
-            ConfigStore.instance().store(name=kind, node=node, group=_OPEN, package="_global_")
+            store = ConfigStore.instance()
+            if again or f"{kind}.yaml" not in store.repo.get(_OPEN, {}):
+                store.store(name=kind, node=node, group=_OPEN, package="_global_")
 
 
 @contextmanager

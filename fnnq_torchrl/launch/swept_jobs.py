@@ -194,7 +194,7 @@ def compose_jobs(
         kind = tuple(key_of(line) if _number(line) else line for line in overrides)
         template = templates.get(kind)
         if template is None:
-            offer_own_step_sizes(overrides)  # a preset may name some that aren't typed
+            offer_own_step_sizes(overrides, again=False)  # a preset may name some that aren't typed
             template = _Template(loader.load_sweep_config(master, list(overrides)))
             # An interpolated value may depend on a per-run value, so it can't be shared.
             if "${" not in template.config_yaml({}):

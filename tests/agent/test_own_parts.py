@@ -240,6 +240,11 @@ def test_its_results_are_read_without_importing_its_classes(job: Path, module: M
     saved = Config(**vars(to_config(yaml.safe_load((job / ".hydra/config.yaml").read_text()))))
     assert asdict(again) == asdict(saved)
     assert again.alpha_decay == 0.5
+    sweep = Path("sweep")
+    assert fnnq_train(*typed, "lam=0,0.5", "-m", f"hydra.sweep.dir={sweep}") == 0
+    for directory in (sweep / "0", sweep / "1"):
+        swept = yaml.safe_load((directory / ".hydra" / "config.yaml").read_text())
+        assert (swept["step_size"], swept["alpha_decay"]) == ("its_step_size:Mine", 0.5)
 
 
 @pytest.mark.parametrize("key", LEARNER)

@@ -149,7 +149,7 @@ def test_the_command_writes_the_page(
     other = "`fuzzy_q` has 105 [105, 105], +5 [+5, +5] of difference, with 90 weights."
     assert f"* **Mountain Car**: {best} {other}" in text
     assert "* **The ball**: after learning, `fnnq` is best, with 4.50 [" in text
-    assert "* **Often failing**: `table` on Cart-Pole (100%)." in text
+    assert "* **Failing in a quarter of the runs or more**: `table` on Cart-Pole (100%)." in text
     assert "**`table` fails** in 100% of the runs. Cells are large." in text
     assert "| `fuzzy_q` | 90 | 0.5 | 0.3 (sweep's best: λ = 0.5, α = 0.1) | 300 |" in text
     assert "{" not in text

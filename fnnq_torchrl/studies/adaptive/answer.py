@@ -50,7 +50,21 @@ def answer(tasks: Sequence[Task]) -> str:
     sentences = "".join(f"* **{task.name}.** {_sentence(task)}\n" for task in tasks)
     head = ["", *(f"{task.name}, {which}" for task in tasks for which in ("untuned", "tuned"))]
     names = dict.fromkeys(name for task in tasks for name in task.schemes)
-    return f"{sentences}\n{table(head, [_row(name, tasks) for name in names])}"
+    return f"{_in_short(tasks)}{sentences}\n{table(head, [_row(name, tasks) for name in names])}"
+
+
+def _in_short(tasks: Sequence[Task]) -> str:
+    """Return the schemes that score as much untuned as the reference does tuned."""
+    told = []
+    for task in tasks:
+        enough = _tuned(task.schemes[task.reference]) - task.unit.matters
+        free = [name for name, scheme in task.schemes.items() if _untuned(scheme) >= enough]
+        told.append(f"{task.name}: {', '.join(free) or 'none'}")
+    reference = " or ".join(dict.fromkeys(task.reference for task in tasks))
+    return (
+        f"* **In short.** Schemes that score as much with an untuned α as {reference} with the "
+        f"best α: {'; '.join(told)}.\n"
+    )
 
 
 def _sentence(task: Task) -> str:

@@ -20,10 +20,12 @@ The paper decreases α by a factor after each catch and finds that «the way we 
 important». It leaves adaptive schemes for later. Does one of them free the user of choosing α?
 
 {answer}
-*Untuned*: the mean score over α from {lowest:g} to {highest:g} (on Mountain Car from
-{car_lowest:g} to {car_highest:g}), evenly on a logarithmic scale. That is what to expect of an α
-that nobody tuned. *Tuned*: the score at the best α, which other seeds have chosen. The ball's
-scores are catches of five. On Mountain Car the score is the reward of an episode, −1 a step.
+*Untuned*: the mean score over {alphas} α from {lowest:g} to {highest:g} (on Mountain Car
+{car_alphas} from {car_lowest:g} to {car_highest:g}), evenly on a logarithmic scale. That is what to
+expect of an α that nobody tuned. *Tuned*: the score at the best α, which other seeds have chosen.
+The ball's scores are catches of five. On Mountain Car the score is the reward of an episode, −1 a
+step. Differences below {matters} catches or {car_matters:g} steps don't matter; the sections below
+have the intervals.
 
 * **What remains to choose.** {sensitivity}
 * **Perceptrons.** {perceptrons}
@@ -92,10 +94,12 @@ def write_page(adaptive: Experiment, stability: Experiment, weights: Weights) ->
         each: Compared.of(stability.where(LAYER_NORM, each), lam, CONSTANT)
         for each in stability.values(LAYER_NORM)
     }
-    tasks = [
-        task_of(f"Ball, {setting_words('lam', each)}", [by_lam[each], rules], true_online)
-        for each, (rules, true_online) in weights.ball.items()
-    ]
+    tasks = []
+    for each, (rules, true_online) in weights.ball.items():
+        shared = rules.schemes[rules.reference].diverged  # the α that both experiments have
+        jobs = [job for job in adaptive.jobs if job.settings["alpha"] in shared]
+        first = Compared.of(Experiment(adaptive.name, jobs), each, PAPERS)
+        tasks.append(task_of(f"Ball, {setting_words('lam', each)}", [first, rules], true_online))
     on_car, true_online_on_car = weights.car
     tasks.append(task_of("Mountain Car", [on_car], true_online_on_car))
     car_alphas = on_car.schemes[on_car.reference].diverged
@@ -110,6 +114,9 @@ def write_page(adaptive: Experiment, stability: Experiment, weights: Weights) ->
         confidence=100 * CONFIDENCE,
         matters=MATTERS,
         answer=answer(tasks),
+        alphas=len(shared),
+        car_alphas=len(car_alphas),
+        car_matters=on_car.unit.matters,
         car_lowest=min(car_alphas),
         car_highest=max(car_alphas),
         sensitivity=weights.sensitivity,

@@ -41,8 +41,8 @@ gives a value; here it has that value. The rules are made for a Q that is linear
   it is compared with true online Sarsa(λ) and a constant α. A step corrects at most the share η of
   an error, and no step size is above η = {eta:g}.
 
-Each has α from {lowest:g} to {highest:g} and {runs:,} seeds with each α. The best α, scores,
-intervals and differences are as above.
+On the ball each has α from {lowest:g} to {highest:g} and {runs:,} seeds with each α. The best α,
+scores, intervals and differences are as above.
 
 ![Mean score against the α at which the step sizes start](figures/step_sizes.png)
 
@@ -59,7 +59,8 @@ and at the worst of them.
 Sarsa({car_lam:g}) with 8 tilings, as in [textbook.md](textbook.md), over {car_runs:,} seeds. The
 measure is the reward of an episode, −1 a step, over the first {situations} episodes. An episode
 ends after {limit:,} steps at the latest. A difference of fewer than {car_matters:g} steps doesn't
-matter; that is our choice. All but Swift-Sarsa have replacing traces.
+matter; that is our choice. All but Swift-Sarsa have replacing traces. The largest α is a whole step
+with 8 tilings.
 
 {car}"""
 

@@ -68,9 +68,9 @@ is no learner of this program; the page computes it from the walks in which the 
   an episode differ by 10 to 15 with replacing traces, and are several times as many with
   accumulating traces.
 * **Traces** are cleared at the end of an episode. The replication never clears them. That costs it
-  about 9 steps an episode at λ = 0.99, and it explains the difference for accumulating traces: a
-  separate program, written for this comparison, needs 389 ± 1 steps with α · 8 = 0.2 if it clears
-  them, and 406 ± 1 if it doesn't (600 runs). Ties and the places of the grids change this by 3 at
+  about 9 steps an episode at λ = 0.99, and it probably explains the difference for accumulating
+  traces: in a separate program, which isn't part of this repository, clearing them changes 406 ± 1
+  steps into 389 ± 1 (α · 8 = 0.2, 600 runs). Ties and the places of the grids change this by 3 at
   most.
 * **Ties** between actions are broken at random; the replication takes the lowest action. This
   changes the steps an episode by 2 at most.
