@@ -117,9 +117,8 @@ class Acting(nn.Module):
         carried: dict[str, Any] = {}
         with torch.no_grad():
             acting = self.policy(state["world"].copy())
-            if (
-                "action" in state
-            ):  # chosen before the last update, except in an episode's first step
+            # The action was chosen before the last update, except in an episode's first step.
+            if "action" in state:
                 first = state["world", "step"] == 0
                 acting["action"] = torch.where(first, acting["action"], state["action"])
             transition = self.env.step(acting)

@@ -27,22 +27,21 @@ class Task:
     schemes: Mapping[str, Scheme]
 
 
-def task_of(name: str, others: Sequence[Compared], true_online: Compared) -> Task:
-    """Return a task of several comparisons, of which the first that has a scheme counts.
+def task_of(name: str, first: Mapping[str, Scheme], rules: Compared, true_online: Compared) -> Task:
+    """Return a task of all its schemes.
 
     Args:
         name: the task in words.
-        others: the comparisons of all schemes but Swift-Sarsa.
+        first: the schemes with one step size for all weights, by name.
+        rules: the comparison of the rules with a step size for each weight.
         true_online: the comparison of Swift-Sarsa with true online Sarsa(λ).
     """
-    schemes: dict[str, Scheme] = {}
-    for compared in others:
-        for key, scheme in compared.schemes.items():
-            schemes.setdefault(value_words(key), scheme)
+    both = {**first, **rules.schemes, **first}  # with the keys of the first one first
+    schemes = {value_words(key): scheme for key, scheme in both.items()}
     for key, scheme in true_online.schemes.items():
         of_sarsa = key == true_online.reference
         schemes["true online Sarsa(λ)" if of_sarsa else value_words(key)] = scheme
-    return Task(name, others[0].unit, value_words(others[0].reference), schemes)
+    return Task(name, rules.unit, value_words(rules.reference), schemes)
 
 
 def answer(tasks: Sequence[Task]) -> str:

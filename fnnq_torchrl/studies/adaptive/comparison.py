@@ -77,7 +77,7 @@ def _diverged_table(schemes: Mapping[str, Scheme], runs: int) -> str:
     """Return a table of the diverged runs at each α."""
     if not any(sum(scheme.diverged.values()) for scheme in schemes.values()):
         return "No run diverged.\n"
-    alphas = [f"α = {alpha:g}" for alpha in next(iter(schemes.values())).diverged]
+    alphas = [f"α = {alpha:g}" for alpha in next(iter(schemes.values())).alphas]
     rows = [
         [value_words(name), *(f"{count:,}" for count in scheme.diverged.values())]
         for name, scheme in schemes.items()

@@ -8,7 +8,7 @@ from fnnq_torchrl.training.results import CONFIDENCE
 
 from .answer import answer, task_of
 from .comparison import Compared, comparison
-from .scheme import MEASURE, held_back
+from .scheme import MEASURE, held_back, read_scheme
 from .weights import Weights
 
 PAPERS, CONSTANT = "decay", "constant"
@@ -96,13 +96,14 @@ def write_page(adaptive: Experiment, stability: Experiment, weights: Weights) ->
     }
     tasks = []
     for each, (rules, true_online) in weights.ball.items():
-        shared = rules.schemes[rules.reference].diverged  # the α that both experiments have
+        shared = rules.schemes[rules.reference].alphas  # the α that both experiments have
         jobs = [job for job in adaptive.jobs if job.settings["alpha"] in shared]
-        first = Compared.of(Experiment(adaptive.name, jobs), each, PAPERS)
-        tasks.append(task_of(f"Ball, {setting_words('lam', each)}", [first, rules], true_online))
+        ours = Experiment(adaptive.name, jobs)
+        first = {name: read_scheme(ours, name, each) for name in ours.values("step_size")}
+        tasks.append(task_of(f"Ball, {setting_words('lam', each)}", first, rules, true_online))
     on_car, true_online_on_car = weights.car
-    tasks.append(task_of("Mountain Car", [on_car], true_online_on_car))
-    car_alphas = on_car.schemes[on_car.reference].diverged
+    tasks.append(task_of("Mountain Car", {}, on_car, true_online_on_car))
+    car_alphas = on_car.schemes[on_car.reference].alphas
     return _PAGE.format(
         lowest=alphas[0],
         highest=alphas[-1],

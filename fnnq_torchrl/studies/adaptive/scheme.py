@@ -67,6 +67,11 @@ class Scheme:
     diverged: dict[float, int]
 
     @property
+    def alphas(self) -> list[float]:
+        """The range of α, rising."""
+        return [*self.diverged]
+
+    @property
     def spread(self) -> Interval:
         """The difference between the scores at the best α and at the worst."""
         return paired_difference(self.at_best, self.at_worst).mean

@@ -117,10 +117,7 @@ def _readable(aloud: Sequence[Aloud]) -> str:
     """Return what it costs that each rule has one action, on Mountain Car."""
     told = []
     for each in aloud:
-        full, short = (
-            _interval(bootstrap_interval(np.mean, -steps), WORLDS[0])
-            for steps in (each.full, each.short)
-        )
+        full, short = _steps(each)
         told.append(f"`{each.job.config.value.kind}` {short} instead of {full}")
     return (
         "**Readable rules**: if each rule has one action, as printed below, the steps to the goal "
@@ -214,7 +211,7 @@ def _table(found: Sequence[Learner]) -> str:
 def _read(aloud: Aloud) -> str:
     """Return the controller of the best run in words, and how well it and the others' play."""
     value = aloud.job.config.value.kind
-    full, short = (bootstrap_interval(np.mean, -each) for each in (aloud.full, aloud.short))
+    full, short = _steps(aloud)
     of = aloud.moving("velocity")
     along = aloud.along("velocity")
     drives = (
@@ -228,6 +225,14 @@ def _read(aloud: Aloud) -> str:
         f"{aloud.grid()}\n"
         f"Of the {of} rules about a moving car, {along.mean():.1f} push along its motion, in the "
         f"mean over {len(along)} runs. In the last test the greedy policies need "
-        f"{_interval(full, WORLDS[0])} steps to the goal; such rules alone need "
-        f"{_interval(short, WORLDS[0])}.\n"
+        f"{full} steps to the goal; such rules alone need {short}.\n"
     )
+
+
+def _steps(aloud: Aloud) -> tuple[str, str]:
+    """Return the steps to the goal of the greedy policies and of the rules alone, in words."""
+    full, short = (
+        _interval(bootstrap_interval(np.mean, -scores), WORLDS[0])
+        for scores in (aloud.full, aloud.short)
+    )
+    return full, short
