@@ -30,6 +30,9 @@ FEWEST = 3
 _LEARNED = 0.85
 """The return on the ball, of −0.5 to 1, from which the task counts as learned: 90 % caught."""
 
+_BAND = 10
+"""The smallest number of runs that are drawn as a band; the runs of fewer are drawn singly."""
+
 LAST = PARTS // 5
 """The number of parts at the end, over which the final return is taken."""
 
@@ -246,7 +249,7 @@ def figure_of(series: Sequence[Series]) -> Figure:
         11,
         4.2,
         "Stream Q(λ): return of the learning episodes",
-        f"line: mean; band: its {100 * CONFIDENCE:g} % interval; "
+        f"line: mean; band: its {100 * CONFIDENCE:g} % interval; thin: single runs; "
         f"{count_words([len(series[0].returns)])} of ours, {count_words(counts)} of the authors'",
     )
     for axes, (task, title) in zip(figure.subplots(1, len(TITLES)), TITLES.items(), strict=True):
@@ -258,7 +261,9 @@ def figure_of(series: Sequence[Series]) -> Figure:
             places = (np.arange(PARTS) + 0.5) * each.steps / PARTS
             intervals = [mean_interval(column) for column in each.returns.T]
             axes.plot(places, [one.mean for one in intervals], color=colour, label=_WORDS[who])
-            if len(each.returns) >= FEWEST:
+            if len(each.returns) < _BAND:
+                axes.plot(places, each.returns.T, color=colour, linewidth=0.6, alpha=0.5)
+            else:
                 lows, highs = [one.low for one in intervals], [one.high for one in intervals]
                 axes.fill_between(places, lows, highs, color=colour, alpha=0.2, linewidth=0)
         axes.set_title(title, fontsize=10)
