@@ -22,21 +22,29 @@ from envs.robot.follow import FollowBall
 from fnnq_torchrl.agent.loss import PengQLambdaLoss
 from fnnq_torchrl.agent.policy import ExploringPolicy
 from fnnq_torchrl.agent.update import Update
+from fnnq_torchrl.agent.weight_step import WeightStep
 from fnnq_torchrl.engine.lanes import lanes_for, repeat_last
 from fnnq_torchrl.engine.threads import threads_for
 from fnnq_torchrl.launch.composition import load_config
 from fnnq_torchrl.training.trainer import Trainer
 
-# The functions that belong to each part, by the name under which a step looks them up.
-PARTS = {
-    "policy": [(ExploringPolicy, "forward")],
-    "env.step": [(FollowBall, "step")],
-    "errors": [(PengQLambdaLoss, "errors")],
-    "gradient": [(torch.autograd, "grad")],
-    "credit": [(Update, "update")],
-    "restart": [(FollowBall, "restart")],
+# The functions that belong to each part, with the object in which a step looks them up.
+PARTS: dict[str, list[tuple[Any, Callable[..., Any]]]] = {
+    "policy": [(ExploringPolicy, ExploringPolicy.forward)],
+    "env.step": [(FollowBall, FollowBall.step)],
+    "errors": [(PengQLambdaLoss, PengQLambdaLoss.errors)],
+    "gradient": [(torch.autograd, torch.autograd.grad)],
+    "credit": [(Update, Update.step), (WeightStep, WeightStep.update)],
+    "restart": [(FollowBall, FollowBall.restart)],
     "draws": [
-        (streams, name) for name in ("draw", "uniform", "spare_uniform", "coin", "box_muller")
+        (streams, function)
+        for function in (
+            streams.draw,
+            streams.uniform,
+            streams.spare_uniform,
+            streams.coin,
+            streams.box_muller,
+        )
     ],
 }
 REST = "the rest"
@@ -85,9 +93,9 @@ class Stopwatch:
     def watching(self) -> Iterator[None]:
         """Time each part within the ``with`` block."""
         patches = [
-            patch.object(owner, name, self.timed(part, getattr(owner, name)))
+            patch.object(owner, function.__name__, self.timed(part, function))
             for part, places in PARTS.items()
-            for owner, name in places
+            for owner, function in places
         ]
         for each in patches:
             each.start()
