@@ -1,6 +1,7 @@
 """The page on meta-learning, from invented results."""
 
 import json
+import re
 from dataclasses import asdict
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from envs.pictures import Figure
 from fnnq_torchrl.studies.experiments import Experiment, newest_experiment
 from fnnq_torchrl.studies.meta_learning.ball import SCHEMES, compare, recoveries
 from fnnq_torchrl.studies.meta_learning.command import main
+from fnnq_torchrl.studies.meta_learning.page import ring_table
 from fnnq_torchrl.studies.meta_learning.ring import (
     PUBLISHED,
     Cell,
@@ -19,6 +21,7 @@ from fnnq_torchrl.studies.meta_learning.ring import (
     read_shares,
     share,
 )
+from fnnq_torchrl.studies.meta_learning.ring import RUNS as RUNS_OF_REPLICATION
 from fnnq_torchrl.training.pictures.parameters import parameters_figure
 from fnnq_torchrl.training.results import Evaluations, write_evaluations
 from fnnq_torchrl.training.score import Score
@@ -165,19 +168,29 @@ def test_the_command_writes_the_page_and_prints_the_table(
     main()
     rows = capsys.readouterr().out.splitlines()
     assert len(rows) == 2 + len(read_shares(doya))
-    assert "| exponential | 83.7 % | 50.0 % |" in rows[2]
+    assert "| exponential | 83.7 % | 50.0 % | 50.0 % [" in rows[2]
     monkeypatch.setattr("sys.argv", arguments)
     main()
     page = (tmp_path / "meta_learning.md").read_text()
     assert rows[2] in page
-    assert "* **ObGD** scores" in page
+    assert re.search(r"^\| ObGD .* same \| .* same \|", page, re.MULTILINE)
+    assert page.count("of learning. Mean scores afterwards, compared with decaying α (3.5") == 2
+    assert page.count("): more: meta-learned α, T, γ (s") == 2
     for name in ("meta_learning.png", "changing_ball.svg"):
         assert (tmp_path / "figures" / name).stat().st_size > 1000
 
 
+def test_as_many_runs_as_were_published_are_told_once() -> None:
+    outcomes = np.arange(RUNS_OF_REPLICATION) % 2 > 0
+    rows = ring_table({next(iter(PUBLISHED)): Shares(outcomes, outcomes, outcomes)}).splitlines()
+    assert "| ours, 300 runs |" in rows[0]
+    assert "first" not in rows[0]
+    assert "| 83.7 % | 50.0 % [" in rows[2]
+
+
 def write_ring(sweep: Path) -> None:
     """Write two jobs on the ring, in which every other run has a stable solution."""
-    runs = 100
+    runs = RUNS_OF_REPLICATION + 100
     for number, beta in enumerate(("exponential", "affine")):
         config = config_of(
             *("task=ring", "adaptive=doya", "env.states=4", "temperature=1"),

@@ -7,9 +7,8 @@ from typing import Self
 import numpy as np
 
 from fnnq_torchrl.studies.experiments import Experiment
-from fnnq_torchrl.studies.reproduction.claims import Expected
 from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
-from fnnq_torchrl.studies.reproduction.verdicts import Verdict, verdict
+from fnnq_torchrl.studies.reproduction.verdicts import compared_words
 from fnnq_torchrl.studies.statistics import Interval, bootstrap_interval, paired_difference
 from fnnq_torchrl.training.pictures.words import value_words
 
@@ -85,26 +84,10 @@ def _diverged_table(schemes: Mapping[str, Scheme], runs: int) -> str:
     return table([f"diverged, of {runs:,} runs", *alphas], rows)
 
 
-def _in_a_word(difference: Interval, unit: Unit) -> str:
-    """Return *more*, *less*, *same* or *open* for a difference of scores, by `verdict`."""
-    _, low, high = difference
-    if verdict(low, high, Expected.SAME, unit.matters) is Verdict.HOLDS:
-        return "same"
-    for expected in (Expected.MORE, Expected.LESS):
-        found = verdict(low, high, expected, unit.matters)
-        if found is Verdict.HOLDS:
-            return expected.value
-        if found is Verdict.BARELY:
-            return f"slightly {expected.value}"
-    return "open"
-
-
 def _row(compared: Compared, name: str) -> list[str]:
     scheme = compared.schemes[name]
     at_best, over_alphas = (
-        ""
-        if name == compared.reference
-        else f"{interval_words(found[name], signed=True)} {_in_a_word(found[name], compared.unit)}"
+        "" if name == compared.reference else compared_words(found[name], compared.unit.matters)
         for found in (compared.at_best, compared.over_alphas)
     )
     return [

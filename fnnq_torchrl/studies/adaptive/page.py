@@ -2,7 +2,7 @@
 
 from fnnq_torchrl.studies.experiments import Experiment
 from fnnq_torchrl.studies.measures import MEASURES
-from fnnq_torchrl.studies.reproduction.verdicts import MATTERS
+from fnnq_torchrl.studies.reproduction.verdicts import MATTERS, in_a_word
 from fnnq_torchrl.training.pictures.words import setting_words, value_words
 from fnnq_torchrl.training.results import CONFIDENCE
 
@@ -11,7 +11,7 @@ from .comparison import Compared, comparison
 from .scheme import MEASURE, held_back, read_scheme
 from .weights import Weights
 
-PAPERS, CONSTANT = "decay", "constant"
+PAPERS, CONSTANT, OBGD = "decay", "constant", "obgd"
 LAYER_NORM = "value.layer_norm"
 
 _PAGE = """# What adaptive step sizes do
@@ -122,8 +122,9 @@ def write_page(adaptive: Experiment, stability: Experiment, weights: Weights) ->
         car_highest=max(car_alphas),
         sensitivity=weights.sensitivity,
         perceptrons=" ".join(
-            f"{_perceptron(each)}, {_diverged_in_all(stability.where(LAYER_NORM, each))}"
-            for each in by_norm
+            f"{_perceptron(each)} {_obgd_scores(compared)} "
+            f"{_diverged_in_all(stability.where(LAYER_NORM, each))}"
+            for each, compared in by_norm.items()
         ),
         weights=weights.text,
         sections="\n".join(
@@ -147,6 +148,17 @@ def _perceptron(normalised: bool) -> str:
     return f"{'With' if normalised else 'Without'} normalised layers"
 
 
+def _obgd_scores(compared: Compared) -> str:
+    """Return a clause on ObGD's scores, untuned and tuned, beside those of a constant α."""
+    ours, theirs = (compared.schemes[name] for name in (OBGD, CONSTANT))
+    untuned, tuned = (in_a_word(of[OBGD]) for of in (compared.over_alphas, compared.at_best))
+    return (
+        f"ObGD scores {ours.over_alphas.mean():.2f} untuned (constant α: "
+        f"{theirs.over_alphas.mean():.2f}; {untuned}) and {ours.at_best.mean():.2f} tuned "
+        f"({theirs.at_best.mean():.2f}; {tuned})."
+    )
+
+
 def _diverged_in_all(experiment: Experiment) -> str:
     """Return a sentence on the number of diverged runs of each step size."""
     told = []
@@ -155,7 +167,7 @@ def _diverged_in_all(experiment: Experiment) -> str:
         diverged = sum(evaluations.diverged_runs for evaluations in runs)
         of_all = sum(evaluations.runs for evaluations in runs)
         told.append(f"{diverged:,} of {of_all:,} with {value_words(step_size)}")
-    return f"runs diverged: {', '.join(told)}, over all α."
+    return f"Diverged runs, over all α: {', '.join(told)}."
 
 
 def _held_back(experiment: Experiment, lam: float) -> str:

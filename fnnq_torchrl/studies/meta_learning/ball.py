@@ -15,7 +15,8 @@ from fnnq_torchrl.training.results import FINAL_EVALUATIONS, Evaluations
 
 _EVERYTHING = {"adaptive": "doya", "adaptive_parameters": [*ADAPTIVE_PARAMETERS]}
 _ALPHA = {"adaptive": "doya", "adaptive_parameters": ["alpha"]}
-_FIXED = {"adaptive": "none", "exploration": "epsilon_greedy"}
+_FIXED = {"adaptive": "none", "exploration": "epsilon_greedy", "trace": "output"}
+_TRUE_ONLINE = {**_FIXED, "trace": "dutch"}
 
 SCHEMES: dict[str, dict[str, Any]] = {
     "decaying α": {**_FIXED, "step_size": "decay"},
@@ -26,6 +27,12 @@ SCHEMES: dict[str, dict[str, Any]] = {
     "meta-learned α, T, γ (situations)": {**_EVERYTHING, "adaptive_clock": "situations"},
     "meta-learned α (steps)": {**_ALPHA, "adaptive_clock": "steps"},
     "meta-learned α (situations)": {**_ALPHA, "adaptive_clock": "situations"},
+    "IDBD": {**_FIXED, "step_size": "idbd"},
+    "Autostep": {**_FIXED, "step_size": "autostep"},
+    "TIDBD": {**_FIXED, "step_size": "tidbd"},
+    "AutoTIDBD": {**_FIXED, "step_size": "auto_tidbd"},
+    "true online Sarsa(λ)": {**_TRUE_ONLINE, "step_size": "constant"},
+    "Swift-Sarsa": {**_TRUE_ONLINE, "step_size": "swift"},
 }
 """The settings of each scheme by its words. One more scheme is one more line here."""
 

@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 
 from fnnq_torchrl.studies.experiments import Experiment
-from fnnq_torchrl.studies.reproduction.claims import Expected
 from fnnq_torchrl.studies.reproduction.markdown import interval_words, table
-from fnnq_torchrl.studies.reproduction.verdicts import MATTERS, Verdict, verdict
+from fnnq_torchrl.studies.reproduction.verdicts import MATTERS, compared_words, in_a_word
 from fnnq_torchrl.studies.statistics import Interval, paired_difference
 from fnnq_torchrl.training.results import CONFIDENCE
 
@@ -73,10 +72,11 @@ clock of *steps* the rewards are those of single steps, with the constants above
 *situations* a situation's return counts as one reward, τ₁ = τ₂ = 10, and σ is drawn after every 5
 situations. The meta-learners of all three parameters explore by Boltzmann's distribution from the
 default temperature on; the others are ε-greedy. Scores are catches of five. Brackets are
-{confidence:g} % bootstrap intervals (BCa); differences are between the same seeds.
+{confidence:g} % bootstrap intervals (BCa); differences are between the same seeds. *More* and
+*less* are by at least {matters} catches. *Slightly*: there is a difference, but perhaps it is
+smaller. *Same*: it is surely smaller. *Open*: more runs are needed to tell.
 
 {ball}
-{ball_words}
 
 ![Learning curve, and the course of α, temperature and γ](figures/meta_learning.png)
 
@@ -116,8 +116,8 @@ def write_page(ring: Experiment, ball: Experiment, changing: Experiment) -> str:
         lowest=alphas[0],
         highest=alphas[-1],
         runs=ball.runs,
+        matters=MATTERS,
         ball=_ball_table(compared),
-        ball_words=_ball_words(compared),
         change_at=first.settings["env.change_at"],
         situations=first.settings["situations"],
         alphas=", ".join(f"{alpha:g}" for alpha in sorted(changing.values("alpha"))),
@@ -131,14 +131,14 @@ def write_page(ring: Experiment, ball: Experiment, changing: Experiment) -> str:
 def ring_table(shares: Mapping[Cell, Shares]) -> str:
     """Return the table of stable solutions, published and ours."""
     runs = min((each.solved.size for each in shares.values()), default=0)
-    head = [
-        *("", "1/T", "published", f"ours, first {min(RUNS, runs)}"),
-        *(f"ours, {runs:,} runs", "", "solved", "stable by the text"),
-    ]
-    return table(head, [_ring_row(cell, each) for cell, each in shares.items()])
+    first = [f"ours, first {RUNS}"] if runs > RUNS else []
+    head = ["", "1/T", "published", *first, f"ours, {runs:,} runs"]
+    head += ["", "solved", "stable by the text"]
+    return table(head, [_ring_row(cell, each, bool(first)) for cell, each in shares.items()])
 
 
-def _ring_row(cell: Cell, shares: Shares) -> list[str]:
+def _ring_row(cell: Cell, shares: Shares, first: bool) -> list[str]:
+    """Return a cell's row, with a column of as many runs as were published if ``first``."""
     beta, gamma = cell.start
     name = f"{cell.states} states, 1/T₀ = {beta:g}, γ₀ = {gamma:g}"
     if cell.switches:
@@ -147,7 +147,7 @@ def _ring_row(cell: Cell, shares: Shares) -> list[str]:
         name,
         cell.beta,
         f"{100 * PUBLISHED[cell]:.1f} %",
-        f"{100 * shares.stable[:RUNS].mean():.1f} %",
+        *([f"{100 * shares.stable[:RUNS].mean():.1f} %"] if first else []),
         _percent(share(shares.stable)),
         "agrees" if agrees(cell, shares) else "**differs**",
         f"{100 * shares.solved.mean():.1f} %",
@@ -172,32 +172,22 @@ def _ball_row(name: str, compared: Compared) -> list[str]:
         name,
         f"{scheme.best_alpha:g}",
         interval_words(mean(scheme.at_best)),
-        "" if papers else interval_words(compared.at_best, signed=True),
+        "" if papers else compared_words(compared.at_best),
         interval_words(mean(scheme.over_alphas)),
-        "" if papers else interval_words(compared.over_alphas, signed=True),
+        "" if papers else compared_words(compared.over_alphas),
         interval_words(scheme.spread),
         f"{sum(scheme.diverged.values()):,}",
     ]
 
 
-def _more_or_less(difference: Interval) -> str:
-    """Return a difference of scores in words, by the rules of `reproduction.verdicts.verdict`."""
-    _, low, high = difference
-    if verdict(low, high, Expected.SAME) is Verdict.HOLDS:
-        return f"the same to within {MATTERS} catches"
-    for expected in (Expected.MORE, Expected.LESS):
-        if verdict(low, high, expected) in (Verdict.HOLDS, Verdict.BARELY):
-            return expected.value
-    return "neither clearly more nor less"
-
-
-def _ball_words(compared: Mapping[str, Compared]) -> str:
-    return "".join(
-        f"* **{name}** scores {_more_or_less(each.at_best)} at its best α, and "
-        f"{_more_or_less(each.over_alphas)} over all α, compared with {PAPERS}.\n"
-        for name, each in compared.items()
-        if name != PAPERS
-    )
+def _scores(difference: Interval) -> str:
+    """Return a sentence's predicate for a difference of scores."""
+    word = in_a_word(difference)
+    sentences = {
+        "same": f"scores the same to within {MATTERS} catches",
+        "open": "scores neither clearly more nor less",
+    }
+    return sentences.get(word, f"scores {word}")
 
 
 def _recovery_table(found: Mapping[str, Recovery]) -> str:
@@ -213,7 +203,7 @@ def _recovery_table(found: Mapping[str, Recovery]) -> str:
                 interval_words(mean(each.before)),
                 f"{each.at_once.mean():.2f}",
                 interval_words(mean(each.after)),
-                "" if name == PAPERS else interval_words(difference, signed=True),
+                "" if name == PAPERS else compared_words(difference),
                 interval_words(mean(each.final)),
                 f"{each.diverged:,}",
             ]
@@ -237,13 +227,24 @@ def _conclusion(
     lines = [
         f"* **On the ring** {agreeing} of the replication's {len(shares)} shares of stable "
         "solutions agree with ours.",
-        f"* **On the ball** the best of the meta-learners, {best}, scores "
-        f"{_more_or_less(metas[best].over_alphas)} over all starting values of α, compared with "
-        f"the paper's {PAPERS}, and {_more_or_less(metas[best].at_best)} if each has its best α. "
+        f"* **On the ball** the best of the meta-learners, {best}, "
+        f"{_scores(metas[best].over_alphas)} over all starting values of α, compared with "
+        f"the paper's {PAPERS}. If each has its best α, it {_scores(metas[best].at_best)}. "
         f"The difference between the best and the worst α is {spreads} (catches of five).",
     ]
-    for name, each in found.items():
-        order = sorted(each, key=lambda scheme: -each[scheme].after.mean())
-        ranks = ", ".join(f"{scheme} {each[scheme].after.mean():.2f}" for scheme in order)
-        lines.append(f"* **{name}** in the middle of learning: mean scores afterwards are {ranks}.")
+    lines += [
+        f"* **{name}** in the middle of learning. Mean scores afterwards, compared with {PAPERS} "
+        f"({each[PAPERS].after.mean():.2f}): {_ranked(each)}."
+        for name, each in found.items()
+    ]
     return "".join(f"{line}\n" for line in lines)
+
+
+def _ranked(found: Mapping[str, Recovery]) -> str:
+    """Return the schemes by their score after a change, under the words of the comparison."""
+    theirs, words = found[PAPERS], dict[str, list[str]]()
+    for name in sorted(found, key=lambda name: -found[name].after.mean()):
+        if name != PAPERS:
+            word = in_a_word(paired_difference(found[name].after, theirs.after).mean)
+            words.setdefault(word, []).append(f"{name} {found[name].after.mean():.2f}")
+    return "; ".join(f"{word}: {', '.join(names)}" for word, names in words.items())

@@ -18,6 +18,7 @@ from fnnq_torchrl.studies.statistics import (
 from fnnq_torchrl.training.intervals import mean_interval
 
 from .claims import Claim, Comparison, Expected, Settings
+from .markdown import interval_words
 from .pool import Pool, same_seeds
 
 MATTERS = 0.1
@@ -82,6 +83,28 @@ def verdict(low: float, high: float, expected: Expected, matters: float = MATTER
     if low >= matters or high <= -matters:
         return Verdict.FAILS if expected is Expected.SAME else Verdict.HOLDS
     return Verdict.OPEN
+
+
+def in_a_word(difference: Interval, matters: float = MATTERS) -> str:
+    """Return *more*, *less*, *same* or *open* for a difference, by `verdict`.
+
+    *Slightly* more or less: there is a difference, but perhaps a smaller one than ``matters``.
+    """
+    _, low, high = difference
+    if verdict(low, high, Expected.SAME, matters) is Verdict.HOLDS:
+        return "same"
+    for expected in (Expected.MORE, Expected.LESS):
+        found = verdict(low, high, expected, matters)
+        if found is Verdict.HOLDS:
+            return expected.value
+        if found is Verdict.BARELY:
+            return f"slightly {expected.value}"
+    return "open"
+
+
+def compared_words(difference: Interval, matters: float = MATTERS) -> str:
+    """Return a difference with its interval and its word, such as ``+0.2 [+0.1, +0.3] more``."""
+    return f"{interval_words(difference, signed=True)} {in_a_word(difference, matters)}"
 
 
 def compare(pool: Pool, comparison: Comparison, also: Settings, runs: int | None) -> Compared:
