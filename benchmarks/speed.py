@@ -90,7 +90,7 @@ def network_table(repetitions: int) -> str:
     """Return a table of the value functions beside C, and of compiling with an empty cache."""
     rows = []
     for overrides, limit in NETWORKS.items():
-        situations = 5 if limit.steps < 1_000_000 else 50
+        situations = 20 if limit.steps < 1_000_000 else 200
         given = (NETWORK_RUNS, situations, *overrides.split(), "alpha=0.02")
         ours, c = [], []
         with (

@@ -10,7 +10,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from fnnq_torchrl.config.schema import ConfigError
-from fnnq_torchrl.engine.lanes import lanes_for, repeat_last
+from fnnq_torchrl.engine.lanes import lanes_for, repeat_last, share
 from fnnq_torchrl.engine.limits import NO_THREADS
 from fnnq_torchrl.engine.loops import Loop, Running
 
@@ -99,12 +99,13 @@ def work_through(
         ConfigError: if the system doesn't allow a single thread.
     """
     queue, turn = _Queue(jobs), Lock()
+    first = min(lanes, share(len(jobs), workers))
     # Even a single worker has its own thread: the main thread must stay free to handle signals.
     with ThreadPoolExecutor(workers) as pool:
         shifts = []
         with suppress(RuntimeError):  # raised if the system allows no more threads
             for worker in range(workers):
-                shifts.append(pool.submit(_work, task, queue, lanes, turn, worker, keeper))
+                shifts.append(pool.submit(_work, task, queue, lanes, first, turn, worker, keeper))
         if not shifts:
             raise ConfigError(f"no thread can be started here: {NO_THREADS}")
         try:
@@ -117,9 +118,16 @@ def work_through(
 
 @torch.no_grad()
 def _work(
-    task: Task, queue: _Queue, lanes: int, turn: Lock, worker: int, keeper: Keeper | None
+    task: Task,
+    queue: _Queue,
+    lanes: int,
+    first: int,
+    turn: Lock,
+    worker: int,
+    keeper: Keeper | None,
 ) -> None:
-    fresh = queue.take(lanes)
+    """Run jobs to their end, beginning with the ``first`` of them, until none is left."""
+    fresh = queue.take(first)
     if not len(fresh):
         return
     running = task.loop(*task.begin(repeat_last(fresh, lanes)))

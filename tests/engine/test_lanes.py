@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tensordict import TensorDict
 
-from fnnq_torchrl.engine.lanes import LANES, lanes_for
+from fnnq_torchrl.engine.lanes import LANES, lanes_for, share
 from tests.programs import advance, config, in_lanes, make_learner, make_runs
 
 RUNS, STEPS = 22, 300
@@ -52,6 +52,13 @@ def test_there_are_four_sizes_from_a_number_to_its_double(jobs: int, workers: in
     units = range(jobs, 2 * jobs, max(1, jobs // 1000))
     sizes = {lanes_for(LANES * workers * n, workers, most=2**30) for n in units}
     assert len(sizes) <= 5  # both ends count
+
+
+@given(some_jobs, some_workers)
+def test_workers_begin_with_equal_shares_in_whole_vectors(jobs: int, workers: int) -> None:
+    each = share(jobs, workers)
+    assert each % 8 == 0
+    assert jobs <= each * workers < jobs + 8 * workers
 
 
 @contextmanager

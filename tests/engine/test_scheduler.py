@@ -140,6 +140,19 @@ def test_a_loop_for_so_many_lanes_keeps_them() -> None:
     assert {len(jobs) for jobs in task.seen} == {2 * LANES}
 
 
+def test_few_jobs_are_shared_among_the_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    shares = []
+
+    def begin(self: Collatz, jobs: Tensor) -> tuple[TensorDict, TensorDict]:
+        shares.append(len(jobs.unique()))
+        return begin_as_before(self, jobs)
+
+    begin_as_before = Collatz.begin
+    monkeypatch.setattr(Collatz, "begin", begin)
+    work_through(Collatz([200] * 22), torch.arange(22), LANES, workers=2)
+    assert sorted(shares) == [6, 16]
+
+
 def test_only_the_jobs_that_are_given_are_done() -> None:
     task = Collatz([3] * 12)
     work_through(task, torch.tensor([7, 2, 11]), lanes=2, workers=1)

@@ -49,11 +49,14 @@ class SnapshotBook:
             },
             shape,
         )
+        # by their keys in a snapshot of the learner's
+        self._pages: dict[str | tuple[str, str], Tensor] = {"steps": self.pages["steps"]}
         for name, weight in weights.items():
+            self._pages["weights", name] = self.pages["weights", name]
             self.pages["weights", name][0] = weight
-        self._told = [*told]
         for name, number in told.items():
             self.pages[name] = number.squeeze(-1).expand(shape).clone()
+            self._pages["told", name] = self.pages[name]
         self.collected = torch.zeros(runs, dtype=torch.int64)
 
     def close(self, runs: Tensor, steps: Tensor) -> None:
@@ -65,10 +68,8 @@ class SnapshotBook:
         """
         for run, taken in zip(runs.tolist(), steps.tolist(), strict=True):
             last = int(self.collected[run])
-            for weights in self.pages["weights"].values():
-                weights[last + 1 :, run] = weights[last, run]
-            for name in self._told:
-                self.pages[name][last + 1 :, run] = self.pages[name][last, run]
+            for page in self._pages.values():
+                page[last + 1 :, run] = page[last, run]
             self.pages["steps"][last + 1 :, run] = taken
 
     def collect(self, runs: Tensor, state: TensorDictBase) -> None:
@@ -85,19 +86,15 @@ class SnapshotBook:
             ConfigError: if a run has taken two snapshots since the last call; the first is lost.
         """
         due = (state["situations"].squeeze(-1).cpu() // self.every).clamp(max=self._last)
-        busy = runs >= 0
-        if (busy & (due > self.collected[runs] + 1)).any():
+        new = torch.where(runs >= 0, due - self.collected[runs], 0)
+        if (new > 1).any():
             raise ConfigError(
                 "a run was due for two evaluations at once: the world's fewest_steps must not be "
                 "larger than the number of steps of its shortest episode"
             )
-        lanes = (busy & (due > self.collected[runs])).nonzero().squeeze(-1)
+        lanes = (new > 0).nonzero().squeeze(-1)
         if len(lanes):
-            runs, due = runs[lanes], due[lanes]
-            snapshot = state["snapshot"]
-            for name, weight in snapshot["weights"].items():
-                self.pages["weights", name][due, runs] = weight[lanes]
-            self.pages["steps"][due, runs] = snapshot["steps"][lanes].squeeze(-1)
-            for name in self._told:
-                self.pages[name][due, runs] = snapshot["told", name][lanes].squeeze(-1)
+            runs, due, snapshot = runs[lanes], due[lanes], state["snapshot"]
+            for key, page in self._pages.items():
+                page[due, runs] = snapshot[key][lanes].view(-1, *page.shape[2:])
             self.collected[runs] = due
