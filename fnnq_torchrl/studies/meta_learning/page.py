@@ -85,7 +85,9 @@ smaller. *Same*: it is surely smaller. *Open*: more runs are needed to tell.
 After {change_at} of {situations} situations the world changes, in tests too. The scores are means
 over α = {alphas}, with {changing_runs:,} seeds each: over the last evaluations *before* the
 change, *at the change* with what was learned before, over all evaluations *after* it, and over
-the *last* ones.
+the *last* ones. The rules with a step size for each weight, from IDBD on, are those of
+[adaptive.md](adaptive.md). True online Sarsa(λ) and Swift-Sarsa are on-policy learners; all
+others learn by Peng's Q(λ). λ is {lam:g}.
 
 {changing}
 ![Scores around the change](figures/changing_ball.png)
@@ -122,6 +124,7 @@ def write_page(ring: Experiment, ball: Experiment, changing: Experiment) -> str:
         situations=first.settings["situations"],
         alphas=", ".join(f"{alpha:g}" for alpha in sorted(changing.values("alpha"))),
         changing_runs=changing.runs,
+        lam=first.settings["lam"],
         changing="\n".join(
             f"### {name}\n\n{_recovery_table(each)}" for name, each in found.items()
         ),
