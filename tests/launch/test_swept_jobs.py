@@ -39,7 +39,7 @@ class Hydra:
         HydraConfig.instance().set_config(self.master)
 
     def jobs(self, *job_overrides: str, first: int = 0) -> list[SweptJob]:
-        return compose_jobs(self.loader, self.master, [o.split() for o in job_overrides], first)
+        return compose_jobs(self.loader, self.master, [o.split() for o in job_overrides], first, {})
 
     def composed(self, number: int, overrides: str) -> DictConfig:
         """Return one job as Hydra's own launcher composes it."""
