@@ -29,9 +29,8 @@ from fnnq_torchrl.launch.composition import load_config
 
 CONF = config_directory()
 FILES = {path.relative_to(CONF) for path in CONF.rglob("*") if path.is_file()}
-# An experiment is added with a +, because none is chosen by default; other groups have a default.
 CHOICES = {
-    path: f"{'+' * (path.parent.name == 'experiment')}{path.parent}={path.stem}"
+    path: f"{path.parent}={path.stem}"
     for path in sorted(
         FILES - {Path("config.yaml"), Path("paper_runs.yaml"), Path("action/all.yaml")}
     )
@@ -39,8 +38,9 @@ CHOICES = {
     if path.parent not in (Path("value/labels"), Path("tuned")) and not path.stem.startswith("_")
     # The user must name the class of these.
     if path.stem != "own" and path != Path("env/torchrl.yaml")
-    # A task and its values for the learner are composed with the world of this name.
-    if path.parent not in (Path("task"), Path("learner"))
+    # A task and its values for the learner are composed with the world of this name, and
+    # experiments in tests/launch/test_sweeper.py.
+    if path.parent not in (Path("task"), Path("learner"), Path("experiment"))
     if path.suffix == ".yaml"
 }
 
