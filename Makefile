@@ -19,6 +19,8 @@ FOREIGN := tests/foreign/.venv
 BROWSER := tests/browser/.venv
 ONLY :=
 
+unexport PYTHONDONTWRITEBYTECODE # with it, every process would compile all modules again
+
 .DEFAULT_GOAL := help
 .PHONY: help install run figures reproduction general-claims adaptive doya extrapolation rules memberships prior simulator textbook values stream-q test test-long foreign browser docs fuzz test-wheel bench bench-jax bench-loggers bench-worlds peers check-sb3 agreement random-driving torture soak lint format clean
 

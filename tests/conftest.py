@@ -26,12 +26,15 @@ settings.register_profile("long", settings.get_profile("here"), max_examples=500
 settings.load_profile("here")
 
 
-def pytest_collection_finish() -> None:
-    """Leave what the imports have made out of all further garbage collections.
+# What the imports make is no garbage: looking through it again and again would take a quarter of
+# the time of the imports and a fifth of that of the tests.
+gc.disable()
 
-    It is no garbage, and looking through it again and again takes a fifth of the tests' time.
-    """
+
+def pytest_collection_finish() -> None:
+    """Collect garbage from now on, but not among what the imports have made."""
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)

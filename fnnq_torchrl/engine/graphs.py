@@ -3,6 +3,7 @@
 A leaf is one tensor of a flattened TensorDict.
 """
 
+from functools import cache
 from itertools import accumulate
 from typing import Any
 
@@ -49,18 +50,24 @@ def trace(step: Step, stays: TensorDictBase, state: TensorDictBase) -> GraphModu
         _check_alike(carried, after)
         return [after[key] for key in carried]
 
-    composite = [getattr(torch.ops.aten, name) for name in _COMPOSITE.split()]
-    decompositions: dict[Any, Any] = {**core_aten_decompositions()}
-    decompositions |= get_decompositions(composite)
-    decompositions[torch.ops.aten.cumsum.default] = _cumsum
     graph = make_fx(
         flat,
-        decomposition_table=decompositions,
+        decomposition_table=_decompositions(),
         tracing_mode="fake",
         _allow_non_fake_inputs=True,
     )
     with torch.no_grad():
         return graph(*fixed.values(), *carried.values())
+
+
+@cache
+def _decompositions() -> dict[Any, Any]:
+    """Return the decompositions of operations by which the graph has only core operations."""
+    composite = [getattr(torch.ops.aten, name) for name in _COMPOSITE.split()]
+    decompositions: dict[Any, Any] = {**core_aten_decompositions()}
+    decompositions |= get_decompositions(composite)
+    decompositions[torch.ops.aten.cumsum.default] = _cumsum
+    return decompositions
 
 
 def _check_alike(before: dict[str, Tensor], after: dict[str, Tensor]) -> None:

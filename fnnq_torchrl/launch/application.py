@@ -7,7 +7,6 @@ from typing import Self
 
 from hydra import version
 from hydra._internal.callbacks import Callbacks
-from hydra._internal.hydra import Hydra
 from hydra._internal.utils import create_config_search_path
 from hydra.core.config_search_path import SearchPathQuery
 from hydra.core.global_hydra import GlobalHydra
@@ -20,6 +19,7 @@ from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.composition import VERSION_BASE, check_plugins, refuse_several_values
 from fnnq_torchrl.launch.directories import fresh_directory
+from fnnq_torchrl.launch.loader import start_hydra
 
 
 class Application:
@@ -55,7 +55,7 @@ class Application:
             if not further.is_dir():
                 raise ConfigError(f"--config-dir {given.config_dir}: there is no such directory")
             path.prepend("command-line", f"file://{further}", SearchPathQuery(provider="schema"))
-        self._hydra = Hydra.create_main_hydra2("train", path)
+        self._hydra = start_hydra("train", path)
 
     def __enter__(self) -> Self:
         return self

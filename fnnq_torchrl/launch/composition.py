@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from inspect import signature
 
-from hydra import compose, initialize_config_dir, version
+from hydra import compose, version
+from hydra._internal.utils import create_config_search_path
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -27,6 +28,7 @@ from fnnq_torchrl.config.launcher import LauncherConfig
 from fnnq_torchrl.config.schema import Config, ConfigError, OutOfRange
 from fnnq_torchrl.config.search import SearchConfig
 from fnnq_torchrl.launch.from_job import SAVED, choose_primary
+from fnnq_torchrl.launch.loader import start_hydra
 from hydra_plugins.fnnq_torchrl import BatchLauncher, BatchSweeper, OptunaSweeper
 
 VERSION_BASE = "1.3"  # the version of Hydra whose defaults apply
@@ -215,12 +217,10 @@ def _hydra() -> Iterator[None]:
     hydra, base = GlobalHydra.instance().hydra, version.getbase()
     GlobalHydra.instance().clear()
     try:
-        with initialize_config_dir(
-            str(config_directory()),
-            job_name=JobRuntime.instance().get("name"),
-            version_base=VERSION_BASE,
-        ):
-            yield
+        version.setbase(VERSION_BASE)
+        path = create_config_search_path(str(config_directory()))
+        start_hydra(JobRuntime.instance().get("name"), path)
+        yield
     finally:
         GlobalHydra.instance().hydra = hydra
         version.VersionBase.instance().version_base = base

@@ -29,7 +29,7 @@ from fnnq_torchrl.config.launcher import LauncherConfig
 from fnnq_torchrl.config.schema import ConfigError
 from fnnq_torchrl.launch.batches import RunBatches, in_batches
 from fnnq_torchrl.launch.composition import key_of
-from fnnq_torchrl.launch.swept_jobs import SweptJob, compose_jobs
+from fnnq_torchrl.launch.swept_jobs import SweptJob, Templates, compose_jobs
 from fnnq_torchrl.training.jobs import PICTURE, JobFailed, Result
 
 if TYPE_CHECKING:
@@ -64,6 +64,7 @@ class Multirun:
         self._context, self._config, self._run_batches = context, config, run_batches
         self._directory = Path(config.hydra.sweep.dir)
         self._jobs: list[SweptJob] = []
+        self._templates: Templates = {}
         self._to_draw = False  # whether a launch has ended since the last picture
         self._loggers: Loggers | None = None  # made when there is a job to run
 
@@ -84,7 +85,8 @@ class Multirun:
         """
         self._log()
         self._to_draw = False  # a launch that is cut short draws nothing
-        jobs = compose_jobs(self._context.config_loader, self._config, job_overrides, first)
+        loader, templates = self._context.config_loader, self._templates
+        jobs = compose_jobs(loader, self._config, job_overrides, first, templates)
         _check_directories([*self._jobs, *jobs])
         missing = []
         for job in jobs:

@@ -173,21 +173,29 @@ class SweptJob:
             (self.directory / name).touch()
 
 
+Templates = dict[tuple[str, ...], _Template]
+"""The configurations that Hydra has composed, by their overrides without per-run values."""
+
+
 def compose_jobs(
-    loader: ConfigLoader, master: DictConfig, job_overrides: Sequence[Sequence[str]], first: int
+    loader: ConfigLoader,
+    master: DictConfig,
+    job_overrides: Sequence[Sequence[str]],
+    first: int,
+    templates: Templates,
 ) -> list[SweptJob]:
-    """Compose the jobs of a multirun, and check them.
+    """Compose jobs of a multirun, and check them.
 
     Args:
         loader: Hydra's loader of configurations.
         master: the configuration of the multirun itself.
         job_overrides: the overrides of each job, as a sweeper gives them.
         first: the number of the first job.
+        templates: those of the multirun's earlier jobs; those of these jobs are added.
 
     Raises:
         ConfigError: if a job isn't valid; of several jobs, the message names the job.
     """
-    templates: dict[tuple[str, ...], _Template] = {}
 
     def compose(number: int, overrides: Sequence[str]) -> SweptJob:
         values = dict(filter(None, map(_number, overrides)))

@@ -12,7 +12,7 @@ from tests.compositions import config_of
 from tests.oracles.ring import doya
 from tests.programs import advance, make_learner, make_runs
 
-RUNS, STEPS = 6, 300
+RUNS, STEPS = 6, 150
 
 
 def ring(*overrides: str) -> Config:

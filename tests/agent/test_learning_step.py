@@ -305,13 +305,12 @@ def test_no_two_entries_of_the_first_state_share_memory() -> None:
 @pytest.mark.parametrize(
     "options",
     [
-        (),
+        # tests/engine/test_loops.py has the default and trace=dutch, compiled.
         ("variant=watkins", "trace=window", "window=3", "exploration=boltzmann"),
         ("variant=naive", "trace=replacing", "exploration=noise"),
         ("variant=watkins", "trace=gradient", "step_size=obgd", "scale_rewards=true"),
         ("value=mlp", "value.normalise=true", "trace=gradient", "step_size=alpha_bound"),
         ("trace=window", "window=3", "step_size=alpha_bound"),
-        ("variant=sarsa", "trace=dutch", "epsilon=0.5", "epsilon_final=0", "epsilon_over=9"),
         ("variant=expected_sarsa", "trace=clearing", "value=table", "exploration=boltzmann"),
         ("variant=sarsa", "trace=gradient", "step_size=alpha_bound", "exploration=noise"),
     ],

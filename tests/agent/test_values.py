@@ -63,9 +63,9 @@ VARIANTS = {
 }
 """Overrides for each value function and its variants, by name."""
 
-_SHORT = ("mlp", "mixed")  # tests/engine/test_loops.py has fnnq and tiles
 COMPILED = [
-    pytest.param(name, marks=[pytest.mark.long] * (name not in _SHORT))
+    # tests/engine/test_loops.py has fnnq, tiles and mlp.
+    pytest.param(name, marks=[pytest.mark.long] * (name != "mixed"))
     for name in (*SCHEMAS, "mixed", "nearest", "minimum_zero", "learned")
 ]
 

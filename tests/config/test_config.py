@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from copy import deepcopy
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
@@ -29,9 +30,8 @@ from fnnq_torchrl.launch.composition import load_config
 
 CONF = config_directory()
 FILES = {path.relative_to(CONF) for path in CONF.rglob("*") if path.is_file()}
-# An experiment is added with a +, because none is chosen by default; other groups have a default.
 CHOICES = {
-    path: f"{'+' * (path.parent.name == 'experiment')}{path.parent}={path.stem}"
+    path: f"{path.parent}={path.stem}"
     for path in sorted(
         FILES - {Path("config.yaml"), Path("paper_runs.yaml"), Path("action/all.yaml")}
     )
@@ -39,8 +39,9 @@ CHOICES = {
     if path.parent not in (Path("value/labels"), Path("tuned")) and not path.stem.startswith("_")
     # The user must name the class of these.
     if path.stem != "own" and path != Path("env/torchrl.yaml")
-    # A task and its values for the learner are composed with the world of this name.
-    if path.parent not in (Path("task"), Path("learner"))
+    # A task and its values for the learner are composed with the world of this name, and
+    # experiments in tests/launch/test_sweeper.py.
+    if path.parent not in (Path("task"), Path("learner"), Path("experiment"))
     if path.suffix == ".yaml"
 }
 
@@ -219,11 +220,14 @@ def plain_config(env, value):
     ],
 )
 def test_every_key_has_a_type_and_a_range(env, value, key):
-    values = OmegaConf.create(plain_config(env, value))
-    group = key.rpartition(".")[0]
-    if group and OmegaConf.select(values, group) is None:
-        pytest.skip("the world leaves that group out")
-    OmegaConf.update(values, key, NONSENSE)
+    values = deepcopy(plain_config(env, value))
+    *groups, name = key.split(".")
+    group = values
+    for each in groups:
+        if group[each] is None:
+            pytest.skip("the world leaves that group out")
+        group = group[each]
+    group[name] = NONSENSE
     with pytest.raises(ConfigError) as refused:
         to_config(values)
     ranges = ranges_of({"env": env, "value": value})

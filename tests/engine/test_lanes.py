@@ -12,7 +12,7 @@ from tensordict import TensorDict
 from fnnq_torchrl.engine.lanes import LANES, lanes_for, share
 from tests.programs import advance, config, in_lanes, make_learner, make_runs
 
-RUNS, STEPS = 22, 300
+RUNS, STEPS = 22, 150
 
 
 @given(st.integers(1, 200))

@@ -115,8 +115,7 @@ def test_observations_have_the_names_and_ranges_of_the_specs() -> None:
     assert make(*PENDULUM).world.actions == (-2, 2)
 
 
-@pytest.mark.parametrize("hot", ["true", "false"])
-@pytest.mark.parametrize("ends", ["true", "false"])
+@pytest.mark.parametrize(("hot", "ends"), [("true", "false"), ("false", "true")])
 def test_a_run_has_its_own_random_numbers_and_leaves_the_global_ones_alone(
     hot: str, ends: str
 ) -> None:

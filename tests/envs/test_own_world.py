@@ -73,7 +73,7 @@ def test_eager_and_compiled_learn_the_same(there: Path) -> None:
     weights = []
     for engine in ("eager", "compiled"):
         trainer = Trainer.of(
-            config(there, "task=point", "situations=10", "num_seeds=3", f"engine={engine}")
+            config(there, "task=point", "situations=5", "num_seeds=3", f"engine={engine}")
         )
         trainer.learn()
         weights.append(trainer.weights["weight"])

@@ -5,13 +5,15 @@ import types
 from pathlib import Path
 
 import pytest
-from hydra import compose, initialize_config_dir
+from hydra import compose
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import OmegaConf
 
 from fnnq_torchrl import train
+from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.launch.composition import VERSION_BASE
+from fnnq_torchrl.launch.composition import _hydra
 from fnnq_torchrl.launch.launcher import Multirun
 from hydra_plugins import fnnq_torchrl as plugin
 
@@ -86,9 +88,10 @@ def test_every_experiment_is_counted_here() -> None:
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_an_experiment_has_so_many_jobs(name: str) -> None:
-    with initialize_config_dir(str(config_directory()), version_base=VERSION_BASE):
+def test_an_experiment_is_valid_and_has_so_many_jobs(name: str) -> None:
+    with _hydra():
         node = compose("config", [f"+experiment={name}"], return_hydra_config=True)
+    to_config(OmegaConf.masked_copy(node, [key for key in node if key != "hydra"]), own=True)
     assert node.hydra.mode.name == "MULTIRUN"
     sweeper = node.hydra.sweeper
     params = [f"{key}={values}" for key, values in (sweeper.params or {}).items()]

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hydra import initialize_config_dir
+from hydra import version
+from hydra._internal.utils import create_config_search_path
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
@@ -17,6 +18,7 @@ from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import PER_RUN, ConfigError
 from fnnq_torchrl.launch import command as cli  # noqa: F401  # registers what conf/config.yaml refers to
 from fnnq_torchrl.launch.composition import VERSION_BASE
+from fnnq_torchrl.launch.loader import start_hydra
 from fnnq_torchrl.launch.swept_jobs import SweptJob, compose_jobs
 from fnnq_torchrl.training.jobs import RESULTS
 
@@ -39,7 +41,7 @@ class Hydra:
         HydraConfig.instance().set_config(self.master)
 
     def jobs(self, *job_overrides: str, first: int = 0) -> list[SweptJob]:
-        return compose_jobs(self.loader, self.master, [o.split() for o in job_overrides], first)
+        return compose_jobs(self.loader, self.master, [o.split() for o in job_overrides], first, {})
 
     def composed(self, number: int, overrides: str) -> DictConfig:
         """Return one job as Hydra's own launcher composes it."""
@@ -53,10 +55,10 @@ class Hydra:
 
 @pytest.fixture
 def hydra(tmp_path: Path) -> Iterator[Hydra]:
-    with initialize_config_dir(
-        str(config_directory()), job_name="train", version_base=VERSION_BASE
-    ):
-        yield Hydra(tmp_path / "sweep")
+    version.setbase(VERSION_BASE)
+    start_hydra("train", create_config_search_path(str(config_directory())))
+    yield Hydra(tmp_path / "sweep")
+    GlobalHydra.instance().clear()
 
 
 SWEEP = [

@@ -150,12 +150,12 @@ def test_double_precision() -> None:
 def test_without_tests_the_scores_are_those_of_the_situations_learned_from() -> None:
     """In random walks, whose returns are the ends' rewards, and whose steps are all counted."""
     settings = config_of(
-        "task=random_walk", "situations=6", "evaluation.every=2", "num_seeds=8", "engine=eager"
+        "task=random_walk", "situations=4", "evaluation.every=2", "num_seeds=8", "engine=eager"
     )
     trainer = Trainer.of(settings)
     trainer.learn()
     outcome = trainer.evaluate()
-    assert outcome.situations.tolist() == [0, 2, 4, 6]
+    assert outcome.situations.tolist() == [0, 2, 4]
     assert np.isnan(outcome.returns[:, 0]).all()
     assert np.isnan(outcome.lengths[:, 0]).all()
     # Of two walks with k ends on the right, the mean return is (k − (2 − k))/2.

@@ -22,7 +22,7 @@ from tests.compositions import config_of
 def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short job with two runs."""
     directory = tmp_path_factory.mktemp("job")
-    run_job(config_of("situations=10", "num_seeds=2", "env.time_limit_steps=60"), directory)
+    run_job(config_of("situations=5", "num_seeds=2", "env.time_limit_steps=60"), directory)
     return directory
 
 

@@ -3,7 +3,6 @@
 PRELUDE = """\
 #include <cmath>
 #include <cstdint>
-#include <memory>
 #if defined(__SSE__)
 #include <xmmintrin.h>
 #endif
@@ -169,7 +168,7 @@ $memory
 // A leaf is [elements, lanes]; lanes are a multiple of WIDTH.
 extern "C" void run(int64_t lanes, int64_t steps, void* const* leaf) {
     const Flushed flushed;
-    const std::unique_ptr<Memory> memory(new Memory);
+    Memory* const memory = new Memory;  // std::unique_ptr's header takes longer than some programs
 $constants
     for (int64_t lane = 0; lane < lanes; lane += WIDTH) {
 $arrays
@@ -180,5 +179,6 @@ $body
         }
 $stores
     }
+    delete memory;
 }
 """
