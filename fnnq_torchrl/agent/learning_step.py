@@ -129,21 +129,22 @@ class Learner:
         the next one replaces it, which takes at least ``fewest_steps · evaluate_every`` steps
         (:class:`envs.core.world.WorldConfig`).
         """
-        before, statistics = self._apart(state["weights"])
-        slope, experience = self._acting.experience(run, state, before, statistics)
+        entries = dict(state.items())  # read many times, and a dict is read much faster
+        before, statistics = self._apart(entries["weights"])
+        slope, experience = self._acting.experience(run, entries, before, statistics)
         transition, errors, alpha, gamma, carried = experience
         after = transition["next"]
         step = self._update.step(
             transition,
             errors,
             slope,
-            state["trace"],
+            entries["trace"],
             gamma * run["lam"],
             error_slope=partial(error_slope, self.loss, before, gamma, slope, after),
             alpha=alpha,
             of_all=self._slope_of_all(before, transition),
         )
-        moved = self._weight_step.update(run, state, before, alpha, step)
+        moved = self._weight_step.update(run, entries, before, alpha, step)
         alpha = decayed(moved.alpha, run["alpha_decay"], after["success"])
         world = self.env.restart(after)
         weights = moved.weights | self._statistics_after(after, world)
@@ -156,7 +157,7 @@ class Learner:
                 "alpha": alpha,
                 **moved.remembered,
                 **carried,
-                **self._progress.update(run, state, transition, slope, weights, told),
+                **self._progress.update(run, entries, transition, slope, weights, told),
             },
             batch_size=state.batch_size,
             device=state.device,
@@ -171,6 +172,8 @@ class Learner:
     def _statistics_after(self, after: TensorDictBase, world: TensorDictBase) -> dict[str, Tensor]:
         """Return the statistics after a step, with the first observations of new episodes."""
         network, done = self.loss.value_network, after["done"]
+        if not network.statistics:
+            return {}
         before = {name: after[name] for name in network.statistics}
         again = network.observed(world.copy().update(before))
         return {name: torch.where(done, new, before[name]) for name, new in again.items()}

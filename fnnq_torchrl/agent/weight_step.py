@@ -52,7 +52,7 @@ class WeightStep:
     def update(
         self,
         run: TensorDictBase,
-        state: TensorDictBase,
+        state: Mapping[str, Any],
         weights: Weights,
         alpha: Tensor,
         step: Step,

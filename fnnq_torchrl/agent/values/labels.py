@@ -158,9 +158,10 @@ class LabelsValue(ValueNetwork):
         """Return log μ of each label of dimension i; arguments and shape as in :meth:`_shares`."""
         labels = self._labels[i]
         if _all_gaussian(labels):
-            gaussians = (self.get_buffer(f"{of}_{i}") for of in ("centres", "inverse_widths"))
-            return log_membership(x, *gaussians)
-        parameters = [self.get_buffer(f"parameters_{i}_{j}").unbind(0) for j in range(len(labels))]
+            return log_membership(
+                x, getattr(self, f"centres_{i}"), getattr(self, f"inverse_widths_{i}")
+            )
+        parameters = [getattr(self, f"parameters_{i}_{j}").unbind(0) for j in range(len(labels))]
         kinds = [kind for kind, _ in labels]
         return log_degrees(x, [*zip(kinds, parameters, strict=True)], self.elsewhere)
 
