@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import torch
-from tensordict import TensorDict, TensorDictBase
+from tensordict import TensorDictBase
 from torch import Tensor, nn
 from torch.func import functional_call
 
@@ -83,7 +83,7 @@ class Acting(nn.Module):
 
     def experience(
         self,
-        run: TensorDictBase,
+        run: Mapping[str, Tensor],
         state: Mapping[str, Any],
         weights: Weights,
         statistics: Mapping[str, Tensor],
@@ -112,7 +112,7 @@ class Acting(nn.Module):
 
         return gradient(chosen_value, weights)
 
-    def forward(self, run: TensorDictBase, state: Mapping[str, Any]) -> Experience:
+    def forward(self, run: Mapping[str, Tensor], state: Mapping[str, Any]) -> Experience:
         """Take a step of the world and return it with its errors; :meth:`experience` calls it."""
         carried: dict[str, Any] = {}
         with torch.no_grad():
@@ -137,8 +137,8 @@ class Acting(nn.Module):
         return Experience(transition, self.loss.errors(transition, gamma), alpha, gamma, carried)
 
     def _adapted(
-        self, run: TensorDictBase, state: Mapping[str, Any], after: TensorDictBase
-    ) -> tuple[TensorDict, Tensor]:
+        self, run: Mapping[str, Tensor], state: Mapping[str, Any], after: TensorDictBase
+    ) -> tuple[dict[str, Tensor], Tensor]:
         """Return the state of the adaptive scheme and α after a step's reward."""
         assert self._adaptive is not None
         over = ended(self.env, state["situations"], after)

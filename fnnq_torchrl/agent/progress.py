@@ -89,7 +89,7 @@ class Progress:
 
     def update(
         self,
-        run: TensorDictBase,
+        run: Mapping[str, Tensor],
         state: Mapping[str, Any],
         transition: TensorDictBase,
         slope: Weights,

@@ -51,7 +51,7 @@ class WeightStep:
 
     def update(
         self,
-        run: TensorDictBase,
+        run: Mapping[str, Tensor],
         state: Mapping[str, Any],
         weights: Weights,
         alpha: Tensor,
