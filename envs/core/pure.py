@@ -26,9 +26,9 @@ Entries = dict[str, Tensor]
 
 
 def anywhere(flags: Tensor) -> bool:
-    """Return whether a flag is true in any run; in a step that is traced, without data, True.
+    """Return whether any flag is true. A step that is being traced has no data; then return True.
 
-    It saves the work that no run needs. A compiled loop branches in the same way.
+    So an eager step leaves out work that no run needs, as a compiled loop does by its own branches.
 
     Args:
         flags: bool, any shape.

@@ -1,4 +1,4 @@
-"""Adaptive learning parameters as TensorDicts of a batch of runs. Runs come first."""
+"""Adaptive learning parameters of a batch of runs. Runs come first."""
 
 from collections.abc import Mapping
 from typing import Self
@@ -17,9 +17,8 @@ from fnnq_torchrl.equations.reward_means import Means
 class Adaptive:
     """The learning parameters that a scheme changes while a batch of runs learns.
 
-    The state has the entries of :class:`.Levels`, and the current
-    ``temperature`` and ``gamma``, each ``[runs, 1]``, if the scheme changes them. The learner keeps
-    the current ``alpha``.
+    The state has the entries of :class:`.Levels`, and the current ``temperature`` and ``gamma``,
+    each ``[runs, 1]``, if the scheme changes them. The learner keeps the current ``alpha``.
 
     Args:
         scheme: the scheme.
