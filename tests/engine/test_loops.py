@@ -197,14 +197,8 @@ def test_entries_that_an_eager_step_returns_as_one_tensor_are_written_apart() ->
     state = TensorDict({key: torch.zeros(LANES, 1) for key in ("one", "other", "wide")}, [LANES])
     running = EagerLoop(lambda lanes: step, state, state)(state, state)
     running.advance(2)
-    running.state[:1] = TensorDict(
-        {
-            "one": torch.tensor([[5.0]]),
-            "other": torch.tensor([[6.0]]),
-            "wide": torch.tensor([[7.0]]),
-        },
-        [1],
-    )
+    fresh = {"one": 5.0, "other": 6.0, "wide": 7.0}
+    running.state[:1] = TensorDict({key: torch.full((1, 1), x) for key, x in fresh.items()}, [1])
     found = {key: entry[:2].flatten().tolist() for key, entry in running.state.items()}
     assert found == {"one": [5, 2], "other": [6, 2], "wide": [7, 2]}
 
