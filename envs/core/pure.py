@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
+from torch._subclasses.fake_tensor import FakeTensor
 from torchrl.data import Binary, Bounded, Categorical, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
 
@@ -22,6 +23,17 @@ _DRAWN_SEEDS = 2**62
 """The upper bound, exclusive, of the random seed of an unseeded world."""
 
 Entries = dict[str, Tensor]
+
+
+def anywhere(flags: Tensor) -> bool:
+    """Return whether any flag is true. A step that is being traced has no data; then return True.
+
+    So an eager step leaves out work that no run needs, as a compiled loop does by its own branches.
+
+    Args:
+        flags: bool, any shape.
+    """
+    return isinstance(flags, FakeTensor) or bool(flags.any())
 
 
 class PureEnv(EnvBase):
@@ -149,16 +161,39 @@ class PureEnv(EnvBase):
         situations = self.situations if situations is None else situations
         return self.pack({"seed": seed, **self._first(seed, episode, situations)})
 
-    def restart(self, after: TensorDictBase) -> TensorDict:
+    def next_state(self, before: TensorDictBase) -> TensorDict:
+        """Return a step's entry ``"next"``: :meth:`step` without TorchRL's checks and repairs.
+
+        A world that passes :func:`.contract.check_world` needs neither.
+
+        Args:
+            before: the state before the step, with ``action``.
+        """
+        entries = dict(before.items())
+        state = {key: entries[key] for key in (*self._kept, *WHEN)}
+        state["step"] = state["step"] + 1
+        after = self.transition(state, entries["action"])
+        after |= {key: state[key] for key in WHEN}
+        late = after["step"] >= self.world.time_limit_steps
+        if "truncated" in after:
+            late = late | after["truncated"]
+        after["truncated"] = late & ~after["terminated"]
+        after["done"] = after["terminated"] | late
+        if "success" not in after:
+            after["success"] = torch.zeros_like(late)
+        return self.pack(self._with_chance(after, after["seed"]))
+
+    def restart(self, after: TensorDictBase) -> TensorDictBase:
         """Return the state before the next step, which in a ``done`` run starts the next episode.
 
         Args:
             after: the entry ``"next"`` of a step's result.
         """
-        seed, done = after["seed"], after["done"]
-        first = self._first(seed, after["episode"] + 1, self.situations)
-        entries = {key: torch.where(done, new, after[key]) for key, new in first.items()}
-        return self.pack({"seed": seed, **entries})
+        state, done = after.select(*self._kept, *WHEN, "chance"), after["done"]
+        if anywhere(done):
+            first = self._first(state["seed"], state["episode"] + 1, self.situations)
+            state.update({key: torch.where(done, new, state[key]) for key, new in first.items()})
+        return state
 
     def pack(self, entries: Entries) -> TensorDict:
         """Return the entries as a TensorDict with this environment's batch size and device."""
@@ -184,18 +219,7 @@ class PureEnv(EnvBase):
         return self._with_chance(entries, seed)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
-        state = {key: tensordict[key] for key in (*self._kept, *WHEN)}
-        state["step"] = state["step"] + 1
-        after = self.transition(state, tensordict["action"])
-        after |= {key: state[key] for key in WHEN}
-        late = after["step"] >= self.world.time_limit_steps
-        if "truncated" in after:
-            late = late | after["truncated"]
-        after["truncated"] = late & ~after["terminated"]
-        after["done"] = after["terminated"] | late
-        if "success" not in after:
-            after["success"] = torch.zeros_like(late)
-        return self.pack(self._with_chance(after, after["seed"]))
+        return self.next_state(tensordict)
 
     def _with_chance(self, entries: Entries, seed: Tensor) -> Entries:
         if "chance" not in entries:

@@ -57,7 +57,7 @@ def pcg4d(words: Tensor) -> Tensor:
 
 def _coupled(words: Tensor) -> Tensor:
     """Return four words that each depend on all four given words."""
-    x, y, z, w = words
+    x, y, z, w = words.unbind(0)
     x = torch.addcmul(x, y, w)
     y = torch.addcmul(y, z, x)
     z = torch.addcmul(z, x, y)

@@ -1,10 +1,9 @@
-"""Adaptive learning parameters as TensorDicts of a batch of runs. Runs come first."""
+"""Adaptive learning parameters of a batch of runs. Runs come first."""
 
 from collections.abc import Mapping
 from typing import Self
 
 import torch
-from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from envs.core import streams
@@ -18,9 +17,8 @@ from fnnq_torchrl.equations.reward_means import Means
 class Adaptive:
     """The learning parameters that a scheme changes while a batch of runs learns.
 
-    The state is a TensorDict ``[runs]`` with the entries of :class:`.Levels`, and the current
-    ``temperature`` and ``gamma``, each ``[runs, 1]``, if the scheme changes them. The learner keeps
-    the current ``alpha``.
+    The state has the entries of :class:`.Levels`, and the current ``temperature`` and ``gamma``,
+    each ``[runs, 1]``, if the scheme changes them. The learner keeps the current ``alpha``.
 
     Args:
         scheme: the scheme.
@@ -37,25 +35,25 @@ class Adaptive:
         beta, clock = config.adaptive_beta, config.adaptive_clock
         return cls(MetaLearning(config.adaptive_parameters, beta, clock))
 
-    def told(self, state: TensorDictBase) -> dict[str, Tensor]:
+    def told(self, state: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return the entries of the state that an evaluation tells, each ``[runs, 1]``."""
         return {key: state[key] for key in ("temperature", "gamma", "bounded") if key in state}
 
-    def start(self, run: TensorDictBase) -> TensorDict:
+    def start(self, run: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Return the state before the first step, from the runs' values in the configuration."""
         first = {name: run[name] for name in self._scheme.parameters}
         levels = self._scheme.start([per_run(value) for value in first.values()])
-        return self._state(levels, {name: value.clone() for name, value in first.items()}, run)
+        return self._state(levels, {name: value.clone() for name, value in first.items()})
 
     def update(
         self,
-        run: TensorDictBase,
-        state: TensorDictBase,
+        run: Mapping[str, Tensor],
+        state: Mapping[str, Tensor],
         alpha: Tensor,
         reward: Tensor,
         ended: Tensor,
         steps: Tensor,
-    ) -> tuple[TensorDict, Tensor]:
+    ) -> tuple[dict[str, Tensor], Tensor]:
         """Return the state and α after a step's reward.
 
         Args:
@@ -85,11 +83,9 @@ class Adaptive:
             Rates(*(per_run(run[key]) for key in keys)),
         )
         found = {name: value.unsqueeze(-1) for name, value in zip(names, values, strict=True)}
-        return self._state(after, found, run), found.get("alpha", alpha)
+        return self._state(after, found), found.get("alpha", alpha)
 
-    def _state(
-        self, levels: Levels, values: Mapping[str, Tensor], run: TensorDictBase
-    ) -> TensorDict:
+    def _state(self, levels: Levels, values: Mapping[str, Tensor]) -> dict[str, Tensor]:
         one = {
             "short_mean": levels.means.short,
             "long_mean": levels.means.long,
@@ -97,16 +93,12 @@ class Adaptive:
             "earned": levels.earned,
             "bounded": levels.bounded,
         }
-        return TensorDict(
-            {
-                **{key: value.unsqueeze(-1) for key, value in one.items()},
-                "level": runs_first(levels.level),
-                "perturbation": runs_first(levels.perturbation),
-                **{name: value for name, value in values.items() if name != "alpha"},
-            },
-            run.batch_size,
-            device=run.device,
-        )
+        return {
+            **{key: value.unsqueeze(-1) for key, value in one.items()},
+            "level": runs_first(levels.level),
+            "perturbation": runs_first(levels.perturbation),
+            **{name: value for name, value in values.items() if name != "alpha"},
+        }
 
 
 def _noise(seed: Tensor, steps: Tensor, dtype: torch.dtype) -> dict[str, Tensor]:

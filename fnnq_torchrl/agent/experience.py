@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import torch
-from tensordict import TensorDict, TensorDictBase
+from tensordict import TensorDictBase
 from torch import Tensor, nn
 from torch.func import functional_call
 
@@ -83,8 +83,8 @@ class Acting(nn.Module):
 
     def experience(
         self,
-        run: TensorDictBase,
-        state: TensorDictBase,
+        run: Mapping[str, Tensor],
+        state: Mapping[str, Any],
         weights: Weights,
         statistics: Mapping[str, Tensor],
     ) -> tuple[Weights, Experience]:
@@ -112,17 +112,17 @@ class Acting(nn.Module):
 
         return gradient(chosen_value, weights)
 
-    def forward(self, run: TensorDictBase, state: TensorDictBase) -> Experience:
+    def forward(self, run: Mapping[str, Tensor], state: Mapping[str, Any]) -> Experience:
         """Take a step of the world and return it with its errors; :meth:`experience` calls it."""
         carried: dict[str, Any] = {}
         with torch.no_grad():
             acting = self.policy(state["world"].copy())
             # The action was chosen before the last update, except in an episode's first step.
             if "action" in state:
-                first = state["world", "step"] == 0
+                first = state["world"]["step"] == 0
                 acting["action"] = torch.where(first, acting["action"], state["action"])
-            transition = self.env.step(acting)
-            after = transition["next"]
+            after = self.env.next_state(acting)
+            transition = acting.set("next", after)
             alpha, gamma = state["alpha"], run["gamma"]
             if self._adaptive is not None:
                 carried["adaptive"], alpha = self._adapted(run, state, after)
@@ -137,8 +137,8 @@ class Acting(nn.Module):
         return Experience(transition, self.loss.errors(transition, gamma), alpha, gamma, carried)
 
     def _adapted(
-        self, run: TensorDictBase, state: TensorDictBase, after: TensorDictBase
-    ) -> tuple[TensorDict, Tensor]:
+        self, run: Mapping[str, Tensor], state: Mapping[str, Any], after: TensorDictBase
+    ) -> tuple[dict[str, Tensor], Tensor]:
         """Return the state of the adaptive scheme and α after a step's reward."""
         assert self._adaptive is not None
         over = ended(self.env, state["situations"], after)

@@ -82,6 +82,7 @@ class Learner:
         adaptive: Adaptive | None = None,
     ) -> None:
         self.env = env
+        self._network = value_network
         self.policy = make_policy(exploration, value_network, 0.0)  # a step sets the amount
         bootstrap = rule.variant.bootstrap
         self.loss = PengQLambdaLoss(value_network, gamma=1.0, bootstrap=bootstrap)  # and γ
@@ -99,7 +100,7 @@ class Learner:
 
     def begin(self, run: TensorDictBase) -> TensorDict:
         """Return the state before the first step: the network's start weights and a zero trace."""
-        network, batch = self.loss.value_network, {"batch_size": run.batch_size}
+        network, batch = self._network, {"batch_size": run.batch_size}
         start = {name: copied(weight) for name, weight in network.start(run["seed"]).items()}
         weights, statistics = self._apart(start)
         alpha = run["alpha"].clone()
@@ -129,22 +130,24 @@ class Learner:
         the next one replaces it, which takes at least ``fewest_steps · evaluate_every`` steps
         (:class:`envs.core.world.WorldConfig`).
         """
-        before, statistics = self._apart(state["weights"])
-        slope, experience = self._acting.experience(run, state, before, statistics)
+        # These are read many times, and a dict is read faster than a TensorDict.
+        fixed, old = dict(run.items()), dict(state.items())
+        before, statistics = self._apart(old["weights"])
+        slope, experience = self._acting.experience(fixed, old, before, statistics)
         transition, errors, alpha, gamma, carried = experience
         after = transition["next"]
         step = self._update.step(
             transition,
             errors,
             slope,
-            state["trace"],
-            gamma * run["lam"],
+            old["trace"],
+            gamma * fixed["lam"],
             error_slope=partial(error_slope, self.loss, before, gamma, slope, after),
             alpha=alpha,
             of_all=self._slope_of_all(before, transition),
         )
-        moved = self._weight_step.update(run, state, before, alpha, step)
-        alpha = decayed(moved.alpha, run["alpha_decay"], after["success"])
+        moved = self._weight_step.update(fixed, old, before, alpha, step)
+        alpha = decayed(moved.alpha, fixed["alpha_decay"], after["success"])
         world = self.env.restart(after)
         weights = moved.weights | self._statistics_after(after, world)
         told = {"alpha": alpha, **self._acting.told(carried)}
@@ -156,7 +159,7 @@ class Learner:
                 "alpha": alpha,
                 **moved.remembered,
                 **carried,
-                **self._progress.update(run, state, transition, slope, weights, told),
+                **self._progress.update(fixed, old, transition, slope, weights, told),
             },
             batch_size=state.batch_size,
             device=state.device,
@@ -164,13 +167,15 @@ class Learner:
 
     def _apart(self, weights: Weights) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
         """Return the weights that have a trace, and the network's statistics."""
-        names = self.loss.value_network.statistics
+        names = self._network.statistics
         learned = {name: weight for name, weight in weights.items() if name not in names}
         return learned, {name: weights[name] for name in names}
 
     def _statistics_after(self, after: TensorDictBase, world: TensorDictBase) -> dict[str, Tensor]:
         """Return the statistics after a step, with the first observations of new episodes."""
-        network, done = self.loss.value_network, after["done"]
+        network, done = self._network, after["done"]
+        if not network.statistics:
+            return {}
         before = {name: after[name] for name in network.statistics}
         again = network.observed(world.copy().update(before))
         return {name: torch.where(done, new, before[name]) for name, new in again.items()}

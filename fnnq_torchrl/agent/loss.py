@@ -137,15 +137,14 @@ class PengQLambdaLoss(LossModule):
             tensordict: the step, as in :meth:`forward`.
             gamma: γ in this step, ``[runs, 1]``; by default the module's.
         """
-        keys, after = self.tensor_keys, tensordict["next"]
-        values_in = self.value_network.values_in
-        chosen_value = values_in(tensordict, tensordict[keys.action])
+        keys, network, after = self.tensor_keys, self.value_network, tensordict["next"]
+        chosen_value = network.values_in(tensordict, tensordict[keys.action])
         with torch.no_grad():
-            next_value = self.next_value(partial(values_in, after), after)
+            next_value = self.next_value(partial(network.values_in, after), after)
             td_error, chosen_td_error = q_lambda.td_errors(
                 after[keys.reward],
                 after[keys.terminated],
-                self.value_network.best(tensordict[keys.action_value]),
+                network.best(tensordict[keys.action_value]),
                 chosen_value,
                 next_value,
                 over_batch(self.gamma if gamma is None else gamma, like=chosen_value),

@@ -1,6 +1,7 @@
 """Exploring policies as TensorDict modules."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
@@ -66,7 +67,7 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
         """
         raise NotImplementedError(f"{type(self).__name__} has actions besides the candidates")
 
-    def amount(self, run: TensorDictBase, steps: Tensor) -> Tensor:
+    def amount(self, run: Mapping[str, Tensor], steps: Tensor) -> Tensor:
         """Return the amount of exploration after a number of learning steps, ``[runs, 1]``.
 
         Args:
@@ -76,13 +77,14 @@ class ExploringPolicy(TensorDictModuleBase, ABC):
         return run[self.amount_name]
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        seen = per_run(tensordict[self.value_network.in_keys[0]])
+        network = self.value_network
+        seen = per_run(tensordict[network.in_keys[0]])
         amount = over_batch(getattr(self, self.amount_name), like=seen)
 
         def choose(values: Tensor, u: Tensor) -> Tensor:
             return self.choose(values, amount, u)
 
-        return tensordict.update(self.value_network.decide(tensordict, choose))
+        return tensordict.update(network.decide(tensordict, choose))
 
 
 class EpsilonGreedyPolicy(ExploringPolicy):
@@ -105,7 +107,7 @@ class EpsilonGreedyPolicy(ExploringPolicy):
     def probabilities(self, action_values: Tensor, amount: Tensor) -> Tensor:
         return exploration.epsilon_greedy_probabilities(action_values, amount)
 
-    def amount(self, run: TensorDictBase, steps: Tensor) -> Tensor:
+    def amount(self, run: Mapping[str, Tensor], steps: Tensor) -> Tensor:
         """Return ε, which is annealed if ``run`` has ``epsilon_final`` and ``epsilon_over``."""
         if "epsilon_final" not in run:
             return run["epsilon"]

@@ -7,7 +7,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from envs.core.pure import PureEnv
+from envs.core.pure import PureEnv, anywhere
 from fnnq_torchrl.agent.records import Record
 from fnnq_torchrl.agent.update import Weights
 from fnnq_torchrl.equations.layout import over_batch, runs_first, runs_last
@@ -89,8 +89,8 @@ class Progress:
 
     def update(
         self,
-        run: TensorDictBase,
-        state: TensorDictBase,
+        run: Mapping[str, Tensor],
+        state: Mapping[str, Any],
         transition: TensorDictBase,
         slope: Weights,
         weights: Weights,
@@ -114,25 +114,18 @@ class Progress:
         snapshot = state["snapshot"]
         due = situations == snapshot["situations"] + self._evaluate_every
         records = {each.name: each.update(state, slope, after) for each in self._records}
-        told = self._told(told, records)
+        if anywhere(due):
+            counts = {"situations": situations, "steps": steps}
+            told = self._told(told, records)
+            snapshot = _replaced(due, {**counts, "weights": weights, "told": told}, snapshot)
+            records = {each.name: each.renewed(records[each.name], due) for each in self._records}
         return {
             "situations": situations,
             "steps": steps,
             "diverged": diverged,
             "over": (situations >= run["situations"]) | diverged,
-            "snapshot": {
-                "weights": {
-                    name: torch.where(over_batch(due, like=weight), weights[name], weight)
-                    for name, weight in snapshot["weights"].items()
-                },
-                "situations": torch.where(due, situations, snapshot["situations"]),
-                "steps": torch.where(due, steps, snapshot["steps"]),
-                "told": {
-                    name: torch.where(due, number, snapshot["told", name])
-                    for name, number in told.items()
-                },
-            },
-            **{each.name: each.renewed(records[each.name], due) for each in self._records},
+            "snapshot": snapshot,
+            **records,
         }
 
     def _told(self, told: Weights, records: Mapping[str, Any]) -> Weights:
@@ -147,3 +140,18 @@ class Progress:
     def _within(self, action_value: Tensor) -> Tensor:
         """Return where all |Q| are at most the largest, false for NaN, ``[runs, 1]``."""
         return action_value.abs().flatten(1).amax(-1, keepdim=True) <= self._largest_value
+
+
+def _replaced(where: Tensor, new: Mapping[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
+    """Return new entries for the runs where ``where`` is true and old ones for the others.
+
+    Args:
+        where: bool ``[runs, 1]``.
+        new, old: tensors ``[runs, …]`` by name, some of them by names within a name.
+    """
+    return {
+        key: torch.where(over_batch(where, like=entry), entry, old[key])
+        if isinstance(entry, Tensor)
+        else _replaced(where, entry, old[key])
+        for key, entry in new.items()
+    }

@@ -31,7 +31,7 @@ class Record(ABC):
         """
 
     @abstractmethod
-    def update(self, state: TensorDictBase, slope: Weights, after: TensorDictBase) -> Any:
+    def update(self, state: Mapping[str, Any], slope: Weights, after: TensorDictBase) -> Any:
         """Return the record after a step.
 
         Args:
@@ -60,7 +60,7 @@ class Fired(Record):
     def start(self, run: TensorDictBase, weights: Weights) -> Tensor:
         return torch.zeros_like(weights["weight"])
 
-    def update(self, state: TensorDictBase, slope: Weights, after: TensorDictBase) -> Tensor:
+    def update(self, state: Mapping[str, Any], slope: Weights, after: TensorDictBase) -> Tensor:
         goes_on = over_batch(state["over"].logical_not(), like=state["fired"])
         fired: Tensor = state["fired"] + goes_on * slope["weight"]
         return fired
@@ -76,10 +76,10 @@ class Earned(Record):
         return TensorDict(none, run.batch_size, device=run.device)
 
     def update(
-        self, state: TensorDictBase, slope: Weights, after: TensorDictBase
+        self, state: Mapping[str, Any], slope: Weights, after: TensorDictBase
     ) -> dict[str, Tensor]:
         new = {"return": after["reward"], "success": after["success"].to(torch.int64)}
-        return {key: state["earned", key] + new[key] for key in new}
+        return {key: state["earned"][key] + new[key] for key in new}
 
     def told(self, record: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
         return {**record}

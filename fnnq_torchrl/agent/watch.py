@@ -1,6 +1,7 @@
 """The record of how close a batch of runs comes to a world's best mean reward. Runs come first."""
 
-from typing import Self
+from collections.abc import Mapping
+from typing import Any, Self
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -47,7 +48,7 @@ class Watch(Record):
         zero = torch.zeros_like(per_run(run["alpha"]))
         return self._packed(Means(zero, zero.clone()), no_solution(zero), run)
 
-    def update(self, state: TensorDictBase, slope: Weights, after: TensorDictBase) -> TensorDict:
+    def update(self, state: Mapping[str, Any], slope: Weights, after: TensorDictBase) -> TensorDict:
         before = state["watch"]
         means = Means(*(per_run(before[key]) for key in Means._fields))
         means = running_means(means, per_run(after["reward"]), MEAN_STEPS, MEAN_STEPS)

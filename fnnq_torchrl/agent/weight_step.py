@@ -51,8 +51,8 @@ class WeightStep:
 
     def update(
         self,
-        run: TensorDictBase,
-        state: TensorDictBase,
+        run: Mapping[str, Tensor],
+        state: Mapping[str, Any],
         weights: Weights,
         alpha: Tensor,
         step: Step,

@@ -10,7 +10,7 @@ from torch import Tensor
 
 def runs_last(tensor: Tensor) -> Tensor:
     """Return ``[runs, *rest]`` as ``[*rest, runs]``."""
-    return tensor.movedim(0, -1)
+    return tensor.movedim(0, -1) if tensor.ndim > 1 else tensor
 
 
 def runs_first(tensor: Tensor) -> Tensor:

@@ -71,7 +71,7 @@ class GreedyTest:
 
         def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
             world = act(policy, stays["weights"], stays["epsilon"], state["world"])
-            after = env.step(world)["next"]
+            after = env.next_state(world)
             goes_on = ~state["over"]
             return TensorDict(
                 {

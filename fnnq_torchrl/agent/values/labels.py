@@ -71,9 +71,10 @@ class LabelsValue(ValueNetwork):
             [membership_of(label, width) for label in labels]
             for labels in (*inputs.values(), action)
         ]
+        self._gaussian = [_all_gaussian(labels) for labels in self._labels]
         # Each buffer has its own memory, because a compiled loop allows no aliases.
         for i, labels in enumerate(self._labels):
-            if _all_gaussian(labels):
+            if self._gaussian[i]:
                 centres, widths = zip(*(parameters for _, parameters in labels), strict=True)
                 self.register_buffer(f"centres_{i}", candidates.new_tensor(centres))
                 inverse = [1 / sigma for sigma in widths]
@@ -156,11 +157,11 @@ class LabelsValue(ValueNetwork):
 
     def _log_degrees(self, i: int, x: Tensor) -> Tensor:
         """Return log μ of each label of dimension i; arguments and shape as in :meth:`_shares`."""
-        labels = self._labels[i]
-        if _all_gaussian(labels):
-            gaussians = (self.get_buffer(f"{of}_{i}") for of in ("centres", "inverse_widths"))
+        if self._gaussian[i]:
+            gaussians = getattr(self, f"centres_{i}"), getattr(self, f"inverse_widths_{i}")
             return log_membership(x, *gaussians)
-        parameters = [self.get_buffer(f"parameters_{i}_{j}").unbind(0) for j in range(len(labels))]
+        labels = self._labels[i]
+        parameters = [getattr(self, f"parameters_{i}_{j}").unbind(0) for j in range(len(labels))]
         kinds = [kind for kind, _ in labels]
         return log_degrees(x, [*zip(kinds, parameters, strict=True)], self.elsewhere)
 
