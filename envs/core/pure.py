@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
-from torch._subclasses.fake_tensor import FakeTensor
 from torchrl.data import Binary, Bounded, Categorical, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
 
@@ -23,17 +22,6 @@ _DRAWN_SEEDS = 2**62
 """The upper bound, exclusive, of the random seed of an unseeded world."""
 
 Entries = dict[str, Tensor]
-
-
-def anywhere(flags: Tensor) -> bool:
-    """Return whether any flag is true. A step that is being traced has no data; then return True.
-
-    So an eager step leaves out work that no run needs, as a compiled loop does by its own branches.
-
-    Args:
-        flags: bool, any shape.
-    """
-    return isinstance(flags, FakeTensor) or bool(flags.any())
 
 
 class PureEnv(EnvBase):
@@ -183,17 +171,16 @@ class PureEnv(EnvBase):
             after["success"] = torch.zeros_like(late)
         return self.pack(self._with_chance(after, after["seed"]))
 
-    def restart(self, after: TensorDictBase) -> TensorDictBase:
+    def restart(self, after: TensorDictBase) -> TensorDict:
         """Return the state before the next step, which in a ``done`` run starts the next episode.
 
         Args:
             after: the entry ``"next"`` of a step's result.
         """
-        state, done = after.select(*self._kept, *WHEN, "chance"), after["done"]
-        if anywhere(done):
-            first = self._first(state["seed"], state["episode"] + 1, self.situations)
-            state.update({key: torch.where(done, new, state[key]) for key, new in first.items()})
-        return state
+        old = dict(after.items())
+        first = self._first(old["seed"], old["episode"] + 1, self.situations)
+        entries = {key: torch.where(old["done"], new, old[key]) for key, new in first.items()}
+        return self.pack({"seed": old["seed"], **entries})
 
     def pack(self, entries: Entries) -> TensorDict:
         """Return the entries as a TensorDict with this environment's batch size and device."""

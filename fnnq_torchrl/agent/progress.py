@@ -7,7 +7,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from envs.core.pure import PureEnv, anywhere
+from envs.core.pure import PureEnv
 from fnnq_torchrl.agent.records import Record
 from fnnq_torchrl.agent.update import Weights
 from fnnq_torchrl.equations.layout import over_batch, runs_first, runs_last
@@ -114,18 +114,19 @@ class Progress:
         snapshot = state["snapshot"]
         due = situations == snapshot["situations"] + self._evaluate_every
         records = {each.name: each.update(state, slope, after) for each in self._records}
-        if anywhere(due):
-            counts = {"situations": situations, "steps": steps}
-            told = self._told(told, records)
-            snapshot = _replaced(due, {**counts, "weights": weights, "told": told}, snapshot)
-            records = {each.name: each.renewed(records[each.name], due) for each in self._records}
+        new_snapshot = {
+            "weights": weights,
+            "situations": situations,
+            "steps": steps,
+            "told": self._told(told, records),
+        }
         return {
             "situations": situations,
             "steps": steps,
             "diverged": diverged,
             "over": (situations >= run["situations"]) | diverged,
-            "snapshot": snapshot,
-            **records,
+            "snapshot": _replaced(due, new_snapshot, snapshot),
+            **{each.name: each.renewed(records[each.name], due) for each in self._records},
         }
 
     def _told(self, told: Weights, records: Mapping[str, Any]) -> Weights:

@@ -101,5 +101,3 @@ class _EagerlyRunning:
                 over = self.state.get("over", None)
                 if over is not None and over.all():
                     break
-        # Callers may write in place, and the entries that a step returns may share memory.
-        self.state = self.state.clone()

@@ -188,21 +188,6 @@ def test_what_runs_is_read_and_written_in_place(
     assert not different(running.state[5:7], run(tiny_loop, 2 * stays, state, 4)[5:7])
 
 
-def test_entries_that_an_eager_step_returns_as_one_tensor_are_written_apart() -> None:
-    def step(stays: TensorDictBase, state: TensorDictBase) -> TensorDict:
-        same = state["one"] + 1
-        alike = {"one": same, "other": same, "wide": same[:1].expand(LANES, 1)}
-        return TensorDict(alike, state.batch_size)
-
-    state = TensorDict({key: torch.zeros(LANES, 1) for key in ("one", "other", "wide")}, [LANES])
-    running = EagerLoop(lambda lanes: step, state, state)(state, state)
-    running.advance(2)
-    fresh = {"one": 5.0, "other": 6.0, "wide": 7.0}
-    running.state[:1] = TensorDict({key: torch.full((1, 1), x) for key, x in fresh.items()}, [1])
-    found = {key: entry[:2].flatten().tolist() for key, entry in running.state.items()}
-    assert found == {"one": [5, 2], "other": [6, 2], "wide": [7, 2]}
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_program_that_differs_in_one_number_only_is_another(
     tiny: tuple[TensorDict, TensorDict], kind: MakeLoop

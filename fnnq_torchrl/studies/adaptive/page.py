@@ -30,8 +30,8 @@ have the intervals.
 * **What remains to choose.** {sensitivity}
 * **Perceptrons.** {perceptrons}
 
-Doya's meta-learning, which the paper names, has a page of its own. There all schemes also learn on a
-ball that changes in the middle of learning: [meta_learning.md](meta_learning.md).
+Doya's meta-learning, which the paper names, has a page of its own. There all schemes also learn on
+a ball that changes in the middle of learning: [meta_learning.md](meta_learning.md).
 
 `make adaptive` writes this page from result files; no number in it was typed by hand.
 

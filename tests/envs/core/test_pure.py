@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from math import inf
-from unittest.mock import Mock
 
 import pytest
 import torch
@@ -154,20 +153,6 @@ def test_restart_does_what_reset_does(batch_size):
         here = history[..., step]
         assert (state == here.select(*state.keys())).all()
         state = env.restart(env.step(state.set("action", here["action"]))["next"])
-
-
-def test_an_episode_is_begun_only_if_one_has_ended(monkeypatch):
-    env = Lottery((3,), seed=5)
-    monkeypatch.setattr(env, "initial", Mock(wraps=env.initial))
-    state = env.start(torch.arange(3).unsqueeze(-1), torch.zeros(3, 1, dtype=torch.int64))
-    begun = []
-    for _ in range(30):
-        after = env.next_state(state.set("action", torch.zeros(3, 1, dtype=env.dtype)))
-        env.initial.reset_mock()
-        state = env.restart(after)
-        begun.append((env.initial.called, bool(after["done"].any())))
-    assert [called for called, _ in begun] == [ended for _, ended in begun]
-    assert len(set(begun)) == 2
 
 
 def test_the_next_state_is_that_of_a_step():
