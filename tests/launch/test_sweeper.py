@@ -41,7 +41,7 @@ EXPERIMENTS = {
     "sutton_barto_12_11": 3 * 4 + 3,
     "best_exploration": 9 + 9,
     "chain": 4 * 6 * 2,
-    "changing_ball": 2 * 7 * 3,
+    "changing_ball": 2 * 13 * 3,
     "doya": 2 * 3 * 2 + 2,
     "meta_learning": 8 * 10,
     "step_sizes": 2 * 8 * 6,
