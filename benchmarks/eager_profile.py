@@ -31,7 +31,7 @@ from fnnq_torchrl.training.trainer import Trainer
 # The functions that belong to each part, with the object in which a step looks them up.
 PARTS: dict[str, list[tuple[Any, Callable[..., Any]]]] = {
     "policy": [(ExploringPolicy, ExploringPolicy.forward)],
-    "env.step": [(FollowBall, FollowBall.next_state)],
+    "world": [(FollowBall, FollowBall.next_state)],
     "errors": [(PengQLambdaLoss, PengQLambdaLoss.errors)],
     "gradient": [(torch.autograd, torch.autograd.grad)],
     "credit": [(Update, Update.step), (WeightStep, WeightStep.update)],

@@ -73,8 +73,8 @@ $stages
 ## Memory
 
 Resident memory of the process. We keep the weights of each run at its 41 evaluations; the C program
-keeps one number of each run. "The rest" includes what doesn't depend on the number of runs; the
-last line excludes it.
+keeps one number of each run. "The rest" is what learning adds. The last line compares two peaks,
+so it counts what is made for each run before learning, too.
 
 $memory
 
@@ -83,7 +83,7 @@ $large
 ## An eager step
 
 The time of the parts of one learning step with `engine=eager`. No part includes another: the random
-numbers that `env.step` and `restart` draw have their own line. The last line is measured without
+numbers that the world and `restart` draw have their own line. The last line is measured without
 the stopwatch that measures the parts.
 
 $eager

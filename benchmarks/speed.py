@@ -1,6 +1,6 @@
 """Measure speed and memory of learning, beside the same experiment in C and in JAX.
 
-python benchmarks/speed.py [--write docs/performance.md] [--large] [--only mountain_car]
+python benchmarks/speed.py [--write docs/performance.md] [--large] [--only learning]
 
 All programs take turns, since the machine's load varies. A learning step is one step of the world
 and one Q(λ) update of one run.
@@ -219,7 +219,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--command-runs", type=int, default=10_000, help="0: skip the command")
     parser.add_argument("--large", action="store_true", help=f"add {LARGE:,} runs: minutes more")
-    parser.add_argument("--only", choices=["mountain_car"], help="print this table alone")
+    parser.add_argument("--only", choices=["learning", "mountain_car"], help="print this table")
     parser.add_argument("--jax", type=Path, default=JAX_PYTHON, help="a Python that has JAX")
     parser.add_argument("--write", type=Path, help="page to write; its hand-written part is kept")
     return parser.parse_args()
@@ -233,6 +233,9 @@ def main() -> None:
     # Fewer situations for the largest numbers of runs, to keep the benchmark short.
     sizes = [Size(runs, given.situations or (50 if runs > 20_000 else 200)) for runs in given.runs]
     measure_sizes(sizes, given.repetitions, given.jax)
+    if given.only == "learning":
+        print(speed_table(sizes))
+        return
     sections = {
         "machine": describe_machine(),
         "gpu": "It has no GPU, so there are no figures on one: they are still to be measured.",

@@ -11,7 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.config.choices import choices_of
 from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.launch.composition import _hydra
+from fnnq_torchrl.launch.composition import started_hydra
 
 
 def config_of(*overrides: str) -> Config:
@@ -28,7 +28,7 @@ def config_of(*overrides: str) -> Config:
 
 @cache
 def _composed(*choices: str) -> DictConfig:
-    with _hydra():
+    with started_hydra():
         return compose("config", [*choices])
 
 

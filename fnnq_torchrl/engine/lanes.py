@@ -18,7 +18,7 @@ LANES = 32
 """The unit of batch sizes. With 16, results differed in tests on AVX2 and AVX-512."""
 
 _VECTOR = 8
-"""The lanes of the shortest vector of a native loop, which skips vectors without a job."""
+"""The lanes of the shortest float32 vector of a native loop, which skips vectors without a job."""
 
 
 def repeat_last(values: Values, lanes: int) -> Values:
@@ -52,10 +52,13 @@ def lanes_for(jobs: int, workers: int, most: int) -> int:
 
 
 def share(jobs: int, workers: int) -> int:
-    """Return the number of jobs that each worker begins with: equal shares, in whole vectors.
+    """Return the most jobs that a worker begins with: equal shares, in whole vectors.
+
+    It is at least `LANES`: with fewer jobs, collecting their results takes longer than their steps,
+    and workers take turns with it.
 
     Args:
         jobs: the number of jobs.
         workers: the number of workers.
     """
-    return -(-jobs // (workers * _VECTOR)) * _VECTOR
+    return max(LANES, -(-jobs // (workers * _VECTOR)) * _VECTOR)

@@ -99,7 +99,8 @@ def work_through(
         ConfigError: if the system doesn't allow a single thread.
     """
     queue, turn = _Queue(jobs), Lock()
-    first = min(lanes, share(len(jobs), workers))
+    # A loop for a fixed number of lanes takes as long for a few jobs as for all its lanes.
+    first = min(lanes, share(len(jobs), workers)) if task.loop.any_lanes else lanes
     # Even a single worker has its own thread: the main thread must stay free to handle signals.
     with ThreadPoolExecutor(workers) as pool:
         shifts = []
@@ -126,7 +127,7 @@ def _work(
     worker: int,
     keeper: Keeper | None,
 ) -> None:
-    """Run jobs to their end, beginning with the ``first`` of them, until none is left."""
+    """Take ``first`` jobs, then others into each free lane, until none is left."""
     fresh = queue.take(first)
     if not len(fresh):
         return

@@ -60,7 +60,7 @@ def load_config(*overrides: str) -> Config:
     """
     offer_own_step_sizes(overrides)
     primary, others = choose_primary(overrides)
-    with composing(others), _hydra():
+    with composing(others), started_hydra():
         refuse_several_values(others)
         return to_config(compose(primary, others), own=True)
 
@@ -212,7 +212,7 @@ def key_of(override: str) -> str:
 
 
 @contextmanager
-def _hydra() -> Iterator[None]:
+def started_hydra() -> Iterator[None]:
     """Initialise Hydra with our ``conf/`` in a block, and restore its global state afterwards."""
     hydra, base = GlobalHydra.instance().hydra, version.getbase()
     GlobalHydra.instance().clear()

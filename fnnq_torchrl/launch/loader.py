@@ -35,7 +35,8 @@ class _Repository(ConfigRepository):
     """Hydra's repository, which parses a file again only if its text has changed.
 
     Attributes:
-        contents: what determines the configurations that were loaded from files, by their paths.
+        contents: the source and the text of each file that was loaded, by its path in the
+            configuration. Hydra copies the repository for each composition.
     """
 
     _parsed: ClassVar[dict[Hashable, bytes]] = {}
@@ -56,14 +57,16 @@ class _Repository(ConfigRepository):
         return parsed
 
     def _content(self, config_path: str) -> Hashable | None:
-        """Return what determines a configuration, or None if it isn't in a file."""
+        """Return a file's source and text; None if the configuration is elsewhere."""
         source = self._find_object_source(config_path, ObjectType.CONFIG)
-        if source is None or source.scheme() not in ("file", "pkg"):
+        if source is None:
             return None
-        text = None  # a package's files don't change
+        text = None  # Hydra's own files don't change
         if source.scheme() == "file":
             name = source._normalize_file_name(config_path)
             text = Path(source.path, name).read_text(encoding="utf-8")
+        elif source.provider != "hydra":
+            return None
         return source.provider, source.path, config_path, text
 
 
@@ -88,9 +91,8 @@ class _Loader(ConfigLoaderImpl):
         if content in self._merged:
             return cast(DictConfig, _copy_of(self._merged[content]))
         merged = super()._compose_config_from_defaults_list(defaults, repo)
-        # Others in Hydra's store than these are replaced: by from=… and by own step sizes.
-        lasting = {"schema", *contents}
-        if all(path in lasting or path.startswith("hydra/") for path in paths):
+        # Of what is in Hydra's store only these stay the same; from=… and others put theirs there.
+        if {*paths} <= {"schema", "hydra/config", *contents}:
             self._merged[content] = pickle.dumps(merged)
         return merged
 

@@ -1,7 +1,7 @@
 """Many jobs on few lanes; the result of each job is known in advance."""
 
 from collections.abc import Sequence
-from threading import Barrier, Event, Thread
+from threading import Barrier, Event, Thread, get_ident
 
 import pytest
 import torch
@@ -140,17 +140,23 @@ def test_a_loop_for_so_many_lanes_keeps_them() -> None:
     assert {len(jobs) for jobs in task.seen} == {2 * LANES}
 
 
-def test_few_jobs_are_shared_among_the_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    shares = []
+@pytest.mark.parametrize(("any_lanes", "shares"), [(True, {54, 56}), (False, {64, 46})])
+def test_few_jobs_are_shared_among_workers_that_can_skip_lanes(
+    monkeypatch: pytest.MonkeyPatch, any_lanes: bool, shares: set[int]
+) -> None:
+    task, both, first = Collatz([200] * 110), Barrier(len(shares)), dict[int, int]()
+    task.loop.any_lanes = any_lanes
+    begin = task.begin
 
-    def begin(self: Collatz, jobs: Tensor) -> tuple[TensorDict, TensorDict]:
-        shares.append(len(jobs.unique()))
-        return begin_as_before(self, jobs)
+    def begin_together(jobs: Tensor) -> tuple[TensorDict, TensorDict]:
+        if get_ident() not in first:
+            first[get_ident()] = len(jobs.unique())
+            both.wait(timeout=60)
+        return begin(jobs)
 
-    begin_as_before = Collatz.begin
-    monkeypatch.setattr(Collatz, "begin", begin)
-    work_through(Collatz([200] * 22), torch.arange(22), LANES, workers=2)
-    assert sorted(shares) == [6, 16]
+    monkeypatch.setattr(task, "begin", begin_together)
+    work_through(task, torch.arange(110), 2 * LANES, workers=2)
+    assert {*first.values()} == shares
 
 
 def test_only_the_jobs_that_are_given_are_done() -> None:

@@ -9,11 +9,11 @@ from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig, OmegaConf
 
 from fnnq_torchrl.config.choices import config_directory
-from fnnq_torchrl.launch.composition import VERSION_BASE, _hydra, load_config
+from fnnq_torchrl.launch.composition import VERSION_BASE, load_config, started_hydra
 
 
 def composed(*overrides: str) -> DictConfig:
-    with _hydra():
+    with started_hydra():
         return compose("config", [*overrides], return_hydra_config=True)
 
 

@@ -13,7 +13,7 @@ from fnnq_torchrl import train
 from fnnq_torchrl.config.checking import to_config
 from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import Config
-from fnnq_torchrl.launch.composition import _hydra
+from fnnq_torchrl.launch.composition import started_hydra
 from fnnq_torchrl.launch.launcher import Multirun
 from hydra_plugins import fnnq_torchrl as plugin
 
@@ -89,7 +89,7 @@ def test_every_experiment_is_counted_here() -> None:
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_an_experiment_is_valid_and_has_so_many_jobs(name: str) -> None:
-    with _hydra():
+    with started_hydra():
         node = compose("config", [f"+experiment={name}"], return_hydra_config=True)
     to_config(OmegaConf.masked_copy(node, [key for key in node if key != "hydra"]), own=True)
     assert node.hydra.mode.name == "MULTIRUN"

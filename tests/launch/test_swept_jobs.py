@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hydra import version
-from hydra._internal.utils import create_config_search_path
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
@@ -14,11 +12,9 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from fnnq_torchrl.config.checking import to_config
-from fnnq_torchrl.config.choices import config_directory
 from fnnq_torchrl.config.schema import PER_RUN, ConfigError
 from fnnq_torchrl.launch import command as cli  # noqa: F401  # registers what conf/config.yaml refers to
-from fnnq_torchrl.launch.composition import VERSION_BASE
-from fnnq_torchrl.launch.loader import start_hydra
+from fnnq_torchrl.launch.composition import started_hydra
 from fnnq_torchrl.launch.swept_jobs import SweptJob, compose_jobs
 from fnnq_torchrl.training.jobs import RESULTS
 
@@ -55,10 +51,8 @@ class Hydra:
 
 @pytest.fixture
 def hydra(tmp_path: Path) -> Iterator[Hydra]:
-    version.setbase(VERSION_BASE)
-    start_hydra("train", create_config_search_path(str(config_directory())))
-    yield Hydra(tmp_path / "sweep")
-    GlobalHydra.instance().clear()
+    with started_hydra():
+        yield Hydra(tmp_path / "sweep")
 
 
 SWEEP = [

@@ -135,7 +135,7 @@ def test_the_page_says_what_the_results_say(
     assert f"({best[0]:.2f}; decaying α: {scores['decaying α'][0]:.2f})" in answer
     assert list(scores)[-2:] == ["true online Sarsa(λ)", "Swift-Sarsa"]
     layers = answer.partition("* **Perceptrons.** With normalised layers ObGD scores ")[2]
-    assert re.match(r"\d\.\d\d untuned \(constant α: \d\.\d\d; more\) and .*; more\)", layers)
+    assert re.match(r"\d\.\d\d untuned, a constant α \d\.\d\d \(more\)\. .*\(more\)\.", layers)
     assert "Diverged runs, over all α: 0 of 180 with constant α, 0 of 180 with ObGD." in layers
     assert len(re.findall(r"^\| ObGD .* more \| .* more \|", page, re.MULTILINE)) == 2
     assert len(re.findall(r"^\| α bound .* same \| .* same \|", page, re.MULTILINE)) == 2

@@ -30,8 +30,9 @@ have the intervals.
 * **What remains to choose.** {sensitivity}
 * **Perceptrons.** {perceptrons}
 
-Doya's meta-learning, which the paper names, has a page of its own. There all schemes also learn on
-a ball that changes in the middle of learning: [meta_learning.md](meta_learning.md).
+Doya's meta-learning, which the paper names, has a page of its own. There all
+schemes but the α bound also learn on a ball that changes in the middle of learning:
+[meta_learning.md](meta_learning.md).
 
 `make adaptive` writes this page from result files; no number in it was typed by hand.
 
@@ -52,8 +53,8 @@ each α. The measure is the {measure}, {meaning}. A run that diverges catches no
 * *Over all α*: the mean over the whole range. It is the score to expect of an α that isn't tuned.
 * Brackets are {confidence:g} % bootstrap intervals (BCa). Differences are between the same seeds.
 * A difference of fewer than {matters} catches, of five, doesn't matter; that is our choice. *More*
-  and *less* are by at least as much. *Slightly*: there is a difference, but perhaps it is smaller.
-  *Same*: it is surely smaller. *Open*: more runs are needed to tell.
+  and *less* are by at least as much. *Slightly*: there is a difference, perhaps a smaller one.
+  *Same*: any difference is smaller. *Open*: more runs are needed to tell.
 
 ![Mean score against α](figures/adaptive.png)
 
@@ -151,11 +152,14 @@ def _perceptron(normalised: bool) -> str:
 def _obgd_scores(compared: Compared) -> str:
     """Return a clause on ObGD's scores, untuned and tuned, beside those of a constant α."""
     ours, theirs = (compared.schemes[name] for name in (OBGD, CONSTANT))
-    untuned, tuned = (in_a_word(of[OBGD]) for of in (compared.over_alphas, compared.at_best))
+    untuned, tuned = (
+        in_a_word(of[OBGD], compared.unit.matters)
+        for of in (compared.over_alphas, compared.at_best)
+    )
     return (
-        f"ObGD scores {ours.over_alphas.mean():.2f} untuned (constant α: "
-        f"{theirs.over_alphas.mean():.2f}; {untuned}) and {ours.at_best.mean():.2f} tuned "
-        f"({theirs.at_best.mean():.2f}; {tuned})."
+        f"ObGD scores {ours.over_alphas.mean():.2f} untuned, a constant α "
+        f"{theirs.over_alphas.mean():.2f} ({untuned}). Tuned, they score "
+        f"{ours.at_best.mean():.2f} and {theirs.at_best.mean():.2f} ({tuned})."
     )
 
 

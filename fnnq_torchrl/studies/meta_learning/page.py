@@ -73,8 +73,8 @@ clock of *steps* the rewards are those of single steps, with the constants above
 situations. The meta-learners of all three parameters explore by Boltzmann's distribution from the
 default temperature on; the others are ε-greedy. Scores are catches of five. Brackets are
 {confidence:g} % bootstrap intervals (BCa); differences are between the same seeds. *More* and
-*less* are by at least {matters} catches. *Slightly*: there is a difference, but perhaps it is
-smaller. *Same*: it is surely smaller. *Open*: more runs are needed to tell.
+*less* are by at least {matters} catches. *Slightly*: there is a difference, perhaps a smaller one.
+*Same*: any difference is smaller. *Open*: more runs are needed to tell.
 
 {ball}
 
@@ -85,9 +85,9 @@ smaller. *Same*: it is surely smaller. *Open*: more runs are needed to tell.
 After {change_at} of {situations} situations the world changes, in tests too. The scores are means
 over α = {alphas}, with {changing_runs:,} seeds each: over the last evaluations *before* the
 change, *at the change* with what was learned before, over all evaluations *after* it, and over
-the *last* ones. The rules with a step size for each weight, from IDBD on, are those of
-[adaptive.md](adaptive.md). True online Sarsa(λ) and Swift-Sarsa are on-policy learners; all
-others learn by Peng's Q(λ). λ is {lam:g}.
+the *last* ones. IDBD, Autostep, TIDBD, AutoTIDBD and Swift-Sarsa have a step size for each weight,
+which starts at α ([adaptive.md](adaptive.md)). Swift-Sarsa learns on-policy, as true online
+Sarsa(λ) does with a constant α; all others learn by Peng's Q(λ). λ is {lam:g}.
 
 {changing}
 ![Scores around the change](figures/changing_ball.png)
@@ -137,11 +137,13 @@ def ring_table(shares: Mapping[Cell, Shares]) -> str:
     first = [f"ours, first {RUNS}"] if runs > RUNS else []
     head = ["", "1/T", "published", *first, f"ours, {runs:,} runs"]
     head += ["", "solved", "stable by the text"]
-    return table(head, [_ring_row(cell, each, bool(first)) for cell, each in shares.items()])
+    return table(
+        head, [_ring_row(cell, each, with_first=bool(first)) for cell, each in shares.items()]
+    )
 
 
-def _ring_row(cell: Cell, shares: Shares, first: bool) -> list[str]:
-    """Return a cell's row, with a column of as many runs as were published if ``first``."""
+def _ring_row(cell: Cell, shares: Shares, *, with_first: bool) -> list[str]:
+    """Return a cell's row, with a column of as many runs as were published if ``with_first``."""
     beta, gamma = cell.start
     name = f"{cell.states} states, 1/T₀ = {beta:g}, γ₀ = {gamma:g}"
     if cell.switches:
@@ -150,7 +152,7 @@ def _ring_row(cell: Cell, shares: Shares, first: bool) -> list[str]:
         name,
         cell.beta,
         f"{100 * PUBLISHED[cell]:.1f} %",
-        *([f"{100 * shares.stable[:RUNS].mean():.1f} %"] if first else []),
+        *([f"{100 * shares.stable[:RUNS].mean():.1f} %"] if with_first else []),
         _percent(share(shares.stable)),
         "agrees" if agrees(cell, shares) else "**differs**",
         f"{100 * shares.solved.mean():.1f} %",
@@ -245,7 +247,8 @@ def _conclusion(
 
 def _ranked(found: Mapping[str, Recovery]) -> str:
     """Return the schemes by their score after a change, under the words of the comparison."""
-    theirs, words = found[PAPERS], dict[str, list[str]]()
+    theirs = found[PAPERS]
+    words: dict[str, list[str]] = {}
     for name in sorted(found, key=lambda name: -found[name].after.mean()):
         if name != PAPERS:
             word = in_a_word(paired_difference(found[name].after, theirs.after).mean)

@@ -86,7 +86,7 @@ def verdict(low: float, high: float, expected: Expected, matters: float = MATTER
 
 
 def in_a_word(difference: Interval, matters: float = MATTERS) -> str:
-    """Return *more*, *less*, *same* or *open* for a difference, by `verdict`.
+    """Return *(slightly) more*, *(slightly) less*, *same* or *open* for a difference, by `verdict`.
 
     *Slightly* more or less: there is a difference, but perhaps a smaller one than ``matters``.
     """

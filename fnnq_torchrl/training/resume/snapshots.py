@@ -49,14 +49,14 @@ class SnapshotBook:
             },
             shape,
         )
-        # by their keys in a snapshot of the learner's
-        self._pages: dict[str | tuple[str, str], Tensor] = {"steps": self.pages["steps"]}
+        # The same tensors, by their keys in a snapshot of the learner's.
+        self._page_of: dict[str | tuple[str, str], Tensor] = {"steps": self.pages["steps"]}
         for name, weight in weights.items():
-            self._pages["weights", name] = self.pages["weights", name]
+            self._page_of["weights", name] = self.pages["weights", name]
             self.pages["weights", name][0] = weight
         for name, number in told.items():
             self.pages[name] = number.squeeze(-1).expand(shape).clone()
-            self._pages["told", name] = self.pages[name]
+            self._page_of["told", name] = self.pages[name]
         self.collected = torch.zeros(runs, dtype=torch.int64)
 
     def close(self, runs: Tensor, steps: Tensor) -> None:
@@ -68,7 +68,7 @@ class SnapshotBook:
         """
         for run, taken in zip(runs.tolist(), steps.tolist(), strict=True):
             last = int(self.collected[run])
-            for page in self._pages.values():
+            for page in self._page_of.values():
                 page[last + 1 :, run] = page[last, run]
             self.pages["steps"][last + 1 :, run] = taken
 
@@ -95,6 +95,6 @@ class SnapshotBook:
         lanes = (new > 0).nonzero().squeeze(-1)
         if len(lanes):
             runs, due, snapshot = runs[lanes], due[lanes], state["snapshot"]
-            for key, page in self._pages.items():
+            for key, page in self._page_of.items():
                 page[due, runs] = snapshot[key][lanes].view(-1, *page.shape[2:])
             self.collected[runs] = due

@@ -156,11 +156,15 @@ def test_restart_does_what_reset_does(batch_size):
 
 
 def test_the_next_state_is_that_of_a_step():
-    env = Lottery((3,), seed=5)
-    given = env.rand_action(env.reset())
-    after, of_step = env.next_state(given), env.step(given.copy())["next"]
-    assert after.keys() == of_step.keys()
-    assert (after == of_step).all()
+    env = Lottery((8,), seed=5, limit=4)
+    state = env.reset()
+    for _ in range(12):  # some episodes end by chance, others by the limit
+        given = env.rand_action(state)
+        after, of_step = env.next_state(given), env.step(given.copy())["next"]
+        assert after.keys() == of_step.keys()
+        assert (after == of_step).all()
+        state = env.restart(after)
+    assert state["episode"].min() > 1
 
 
 def test_an_episode_starts_the_same_whatever_came_before():
