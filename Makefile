@@ -52,8 +52,7 @@ general-claims: install  ## the second part of docs/reproduction.md alone: what 
 adaptive: install  ## docs/adaptive.md and docs/meta_learning.md: adaptive parameters over 1,000 seeds (SEEDS=22: fewer)
 	$(EXPERIMENT) +experiment=adaptive num_seeds=$(SEEDS)
 	$(EXPERIMENT) +experiment=stability
-	for name in step_sizes meta_step_sizes; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
-	$(EXPERIMENT) +experiment=step_sizes_car
+	for name in step_sizes meta_step_sizes step_sizes_car; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
 	$(BIN)/python -m fnnq_torchrl.adaptive
 	$(EXPERIMENT) +experiment=doya num_seeds=10000
 	for name in meta_learning changing_ball; do $(EXPERIMENT) +experiment=$$name num_seeds=$(SEEDS) || exit; done
