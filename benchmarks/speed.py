@@ -1,6 +1,7 @@
 """Measure speed and memory of learning, beside the same experiment in C and in JAX.
 
-python benchmarks/speed.py [--write docs/performance.md] [--large] [--only learning]
+python benchmarks/speed.py [--write docs/performance.md] [--large]
+                           [--only learning|mountain_car]
 
 All programs take turns, since the machine's load varies. A learning step is one step of the world
 and one Q(λ) update of one run.
